@@ -1,0 +1,35 @@
+"""labkit: models with modes and events as objects; simulate them, draw them, slide their parameters.
+
+    from labkit import Mode, Parameter, System, Transition, simulate, explore
+
+Names load on first use, so `import labkit` costs next to nothing and works before anything is installed
+(`python -m labkit` sets the environment up).
+"""
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "model": "At Every Mode ModelError Output Parameter System Transition",
+    "equations": "equations jacobian mode_diagram parameter_table",
+    "solve": "METHODS simulate simulate_many",
+    "run": "Event Run Runs Work load_npz",
+    "draw": "Sketch figure phase_portrait time_plot",
+    "panel": "explore",
+    "course": "assignment catalogue project",
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"labkit has no {name!r}; it has {', '.join(__all__)}")
+    value = globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

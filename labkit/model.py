@@ -1,0 +1,340 @@
+"""The model as an object: what a hybrid system *is*, checked when it is made. No numerics live here.
+
+    ball = System(
+        "bouncing ball",
+        states={"y": "m", "v": "m/s"},
+        parameters={"g": Parameter(9.81, "m/s²", "gravity"), "e": Parameter(0.8, "", "restitution", 0, 1)},
+        modes=[Mode("flight", lambda t, s, p: (s.v, -p.g))],
+        transitions=[Transition("flight", "flight", guard=lambda t, s, p: s.y, direction=-1,
+                                reset=lambda t, s, p: (0.0, -p.e * s.v), label="bounce")],
+        start={"y": 10.0, "v": 0.0},
+    )
+
+Words: a *mode* has a *flow* (the right-hand side of its differential equations); a *transition* leaves a source
+mode when its *guard* crosses zero in the stated direction, or at the instants of a *schedule*, applies its *reset*
+and enters the target mode. All functions are plain Python functions of (t, s, p) with named states and parameters.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections import namedtuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+__all__ = ["At", "Every", "Mode", "ModelError", "Output", "Parameter", "System", "Transition", "OPTIONS"]
+
+#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may not be called so.
+OPTIONS = frozenset({
+    "system", "t_end", "t0", "start", "mode", "method", "rtol", "atol", "step", "max_step", "points", "locate",
+    "backend", "max_events", "max_steps", "workers", "draw", "show", "title", "horizon", "dense",
+})
+
+Function = Callable[..., object]
+Number = float | str | Callable[..., float]
+
+
+class ModelError(ValueError):
+    """Raised when a model or a request about it does not make sense; the message names the thing and the mend."""
+
+
+def listed(names: Iterable[str]) -> str:
+    return ", ".join(repr(name) for name in names) or "none"
+
+
+def number(value: object, what: str) -> float:
+    """number(value, "parameter 'g'") -> float; ModelError when it is not a finite real number."""
+    try:
+        result = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise ModelError(f"{what} must be a number, not {value!r}") from None
+    if not math.isfinite(result):
+        raise ModelError(f"{what} must be finite, not {result}")
+    return result
+
+
+def _identifier(name: object, what: str) -> str:
+    if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+        raise ModelError(f"{what} {name!r} must be a plain Python name (letters, digits, _), so that s.{name} or p.{name} can be written")
+    return name
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Parameter(value, unit, meaning, low, high): a number of the model that a slider may move.
+
+    `low` and `high` bound what `simulate` accepts and where the slider runs; left out, anything finite goes.
+    `symbol` is LaTeX for the equations ("\\\\lambda_0"); left out, it is made from the name.
+    """
+
+    value: float
+    unit: str = ""
+    meaning: str = ""
+    low: float | None = None
+    high: float | None = None
+    symbol: str | None = None
+
+    def check(self, name: str, value: object) -> float:
+        """parameter.check("e", 1.2) -> the value as float; ModelError when it is no number or out of range."""
+        result = number(value, f"parameter {name!r}")
+        if (self.low is not None and result < self.low) or (self.high is not None and result > self.high):
+            low = "-∞" if self.low is None else f"{self.low:g}"
+            high = "∞" if self.high is None else f"{self.high:g}"
+            raise ModelError(f"parameter {name!r} = {result:g} is outside its range [{low}, {high}]{' ' + self.unit if self.unit else ''}")
+        return result
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Mode("flight", flow): one law of motion; flow(t, s, p) returns the derivatives in the order of the states.
+
+    `states` (name -> unit) is given only by a mode that has variables of its own (a torn pendulum);
+    otherwise the mode has those of the system. `meaning` is shown in tables and the mode diagram.
+    """
+
+    name: str
+    flow: Function
+    states: Mapping[str, str] | None = None
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Every:
+    """Every(period, first=None): the instants first, first + period, … counted from the start of the run.
+
+    Both may be a number (s), the name of a parameter, or a function of p. `first` defaults to one period.
+    The k-th instant is first + k·period (one multiplication, no accumulated rounding).
+    """
+
+    period: Number
+    first: Number | None = None
+
+
+@dataclass(frozen=True)
+class At:
+    """At(25.0) or At(5, "t_back"): single known instants: numbers, names of parameters, or functions of p."""
+
+    instants: tuple[Number, ...]
+
+    def __init__(self, *instants: Number):
+        object.__setattr__(self, "instants", instants)
+
+
+Schedule = Every | At
+
+
+@dataclass(frozen=True)
+class Transition:
+    """Transition("stick", "slip", guard=…, direction=+1): when to leave a mode, where to, and what changes.
+
+    source     name of a mode, or a tuple of names
+    target     name of a mode; None ends the run ("destroyed")
+    guard      g(t, s, p) -> number; the event is its zero. direction: +1 rising, -1 falling, 0 both
+    at         a schedule (Every, At) instead of a guard: instants known beforehand
+    reset      r(t, s, p) -> the states after the event, in the order of the target's states; left out: kept
+    delay      dead time (number, parameter name or function of p) from the guard's crossing to the transition
+    priority   of several events at one instant the highest goes first; equal ones in the order of the list
+    urgent     fires also if the guard is already beyond zero when the mode is entered (or at the start)
+    zeno       mode that takes over when infinitely many of these events pile up (a ball that comes to rest)
+    tolerance  the guard must pass zero by this much (in the guard's unit): a touched limit is not a crossing
+    """
+
+    source: str | tuple[str, ...]
+    target: str | None
+    guard: Function | None = None
+    direction: int = 0
+    reset: Function | None = None
+    label: str = ""
+    at: Schedule | None = None
+    delay: Number = 0.0
+    priority: float = 0.0
+    urgent: bool = False
+    zeno: str | None = None
+    tolerance: float = 0.0
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        return (self.source,) if isinstance(self.source, str) else tuple(self.source)
+
+    @property
+    def name(self) -> str:
+        return self.label or f"{' | '.join(self.sources)} → {self.target or 'end'}"
+
+
+@dataclass(frozen=True)
+class Output:
+    """Output(function, "N", "friction force"): a quantity computed from the run, read like a state: run["F"].
+
+    `function` is f(t, s, p) for all modes, or a mapping mode name -> function (NaN in modes that are not named).
+    """
+
+    function: Function | Mapping[str, Function]
+    unit: str = ""
+    meaning: str = ""
+
+
+class System:
+    """System(name, states, parameters, modes, transitions, start, mode=…, outputs=…): a hybrid system, checked.
+
+    states       name -> unit, or name -> (unit, meaning)
+    parameters   name -> Parameter, or a bare number
+    modes        one or more Mode
+    transitions  any number of Transition
+    start        state name -> value at t0, for every state of the start mode
+    mode         start mode: a name (default: the first), or a function (t, s, p) -> name that suits the start
+    outputs      name -> Output
+    time         unit of the time
+
+    Raises ModelError, naming the piece and the mend, for an unknown mode, a name used twice, a value out of range…
+    """
+
+    def __init__(self, name: str, states: Mapping[str, str | tuple[str, str]], parameters: Mapping[str, Parameter | float] | None = None,
+                 modes: Sequence[Mode] = (), transitions: Sequence[Transition] = (), start: Mapping[str, float] | None = None,
+                 mode: str | Function | None = None, outputs: Mapping[str, Output] | None = None, time: str = "s"):
+        self.name = name
+        self.time = time
+        self.units: dict[str, str] = {}
+        self.meanings: dict[str, str] = {}
+        self.states = self._add_states(states, "the system")
+        if not self.states:
+            raise ModelError(f"system {name!r} has no states: give states={{'x': 'm', …}}")
+        self.parameters = self._make_parameters(parameters or {})
+        self.modes = self._make_modes(modes)
+        self.transitions = tuple(self._check_transition(transition) for transition in transitions)
+        self.outputs = dict(outputs or {})
+        for output, what in self.outputs.items():
+            _identifier(output, "output")
+            if output in self.units or output == "t":
+                raise ModelError(f"output {output!r} has the name of a state: give it another")
+            functions = what.function
+            if isinstance(functions, Mapping) and (unknown := set(functions) - set(self.modes)):
+                raise ModelError(f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; there are {listed(self.modes)}")
+        if mode is not None and not callable(mode) and mode not in self.modes:
+            raise ModelError(f"start mode {mode!r} is not a mode of {name!r}; there are {listed(self.modes)}")
+        self.mode = mode if mode is not None else next(iter(self.modes))
+        self.start = {key: number(value, f"start of {key!r}") for key, value in (start or {}).items()}
+        if unknown := [key for key in self.start if key not in self.units]:
+            raise ModelError(f"start names the unknown state(s) {listed(unknown)}; there are {listed(self.units)}")
+        if not callable(self.mode):
+            self.check_start(self.start, self.mode)
+        self.P = namedtuple("P", list(self.parameters))  # type: ignore[misc]
+        self.S = {key: namedtuple("S", self.states_of(key)) for key in self.modes}  # type: ignore[misc]
+        #: (mode name -> transitions that may leave it, as positions in `transitions`, highest priority first)
+        self.leaving = {
+            key: sorted((i for i, tr in enumerate(self.transitions) if key in tr.sources), key=lambda i: (-self.transitions[i].priority, i))
+            for key in self.modes
+        }
+
+    def _add_states(self, states: Mapping[str, str | tuple[str, str]], owner: str) -> tuple[str, ...]:
+        for key, what in states.items():
+            _identifier(key, f"state of {owner}")
+            if key == "t":
+                raise ModelError("a state cannot be called 't': that is the time, the first argument of every function")
+            unit, meaning = (what, "") if isinstance(what, str) else what
+            if self.units.setdefault(key, unit) != unit:
+                raise ModelError(f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} elsewhere: use another name")
+            self.meanings.setdefault(key, meaning)
+        return tuple(states)
+
+    def _make_parameters(self, parameters: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
+        made = {}
+        for key, value in parameters.items():
+            _identifier(key, "parameter")
+            if key in OPTIONS:
+                raise ModelError(f"parameter {key!r} is named like an option of simulate: rename it (for example {key}_)")
+            made[key] = value if isinstance(value, Parameter) else Parameter(number(value, f"parameter {key!r}"))
+            made[key].check(key, made[key].value)
+        return made
+
+    def _make_modes(self, modes: Sequence[Mode]) -> dict[str, Mode]:
+        if isinstance(modes, Mode):
+            modes = [modes]
+        if not modes:
+            raise ModelError(f"system {self.name!r} has no mode: give modes=[Mode('motion', flow)]")
+        made: dict[str, Mode] = {}
+        for mode in modes:
+            if mode.name in made:
+                raise ModelError(f"two modes are called {mode.name!r}: give each its own name")
+            if not callable(mode.flow):
+                raise ModelError(f"the flow of mode {mode.name!r} must be a function of (t, s, p), not {mode.flow!r}")
+            if mode.states is not None:
+                self._add_states(mode.states, f"mode {mode.name!r}")
+            made[mode.name] = mode
+        return made
+
+    def _check_transition(self, tr: Transition) -> Transition:
+        what = f"transition {tr.name!r}"
+        for end in (*tr.sources, tr.target, tr.zeno):
+            if end is not None and end not in self.modes:
+                raise ModelError(f"{what} names the unknown mode {end!r}; there are {listed(self.modes)}")
+        if not tr.sources:
+            raise ModelError(f"{what} has no source mode")
+        if (tr.guard is None) == (tr.at is None):
+            raise ModelError(f"{what} needs either a guard (a function) or at= (a schedule), and not both")
+        if tr.guard is not None and not callable(tr.guard):
+            raise ModelError(f"the guard of {what} must be a function of (t, s, p), not {tr.guard!r}")
+        if tr.reset is not None and not callable(tr.reset):
+            raise ModelError(f"the reset of {what} must be a function of (t, s, p), not {tr.reset!r}")
+        if tr.direction not in (-1, 0, 1):
+            raise ModelError(f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 (both)")
+        if tr.at is not None and not isinstance(tr.at, Every | At):
+            raise ModelError(f"{what}: at= takes Every(period) or At(instant, …), not {tr.at!r}")
+        if tr.urgent and tr.direction == 0:
+            raise ModelError(f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, -1 while it is < 0")
+        if number(tr.tolerance, f"tolerance of {what}") < 0 or (tr.tolerance and tr.direction == 0):
+            raise ModelError(f"{what}: tolerance must be ≥ 0, and needs a direction of +1 or -1")
+        if tr.reset is None and tr.target is not None:
+            for end in {tr.target, tr.zeno or tr.target}:
+                for source in tr.sources:
+                    if self.states_of(source) != self.states_of(end):
+                        raise ModelError(f"{what} needs a reset: mode {source!r} has the states {listed(self.states_of(source))}, mode {end!r} has {listed(self.states_of(end))}")
+        for value in (tr.delay, *((tr.at.period, tr.at.first) if isinstance(tr.at, Every) else tr.at.instants if tr.at else ())):
+            if isinstance(value, str) and value not in self.parameters:
+                raise ModelError(f"{what} names the unknown parameter {value!r}; there are {listed(self.parameters)}")
+        return tr
+
+    def states_of(self, mode: str) -> tuple[str, ...]:
+        """system.states_of("flight") -> names of that mode's state variables, in order."""
+        own = self.modes[mode].states
+        return self.states if own is None else tuple(own)
+
+    def unit(self, name: str) -> str:
+        """system.unit("v") -> the unit of a state, output or parameter, or of the time "t"."""
+        if name == "t":
+            return self.time
+        if name in self.units:
+            return self.units[name]
+        if name in self.outputs:
+            return self.outputs[name].unit
+        if name in self.parameters:
+            return self.parameters[name].unit
+        raise ModelError(f"{name!r} is neither a state, an output nor a parameter of {self.name!r}; there are {listed([*self.units, *self.outputs, *self.parameters])}")
+
+    def values(self, changed: Mapping[str, object] | None = None) -> tuple[float, ...]:
+        """system.values({"e": 0.9}) -> all parameters as a named tuple p; ModelError for an unknown name or bad value."""
+        if not changed:
+            return self.P(*(parameter.value for parameter in self.parameters.values()))
+        if unknown := [key for key in changed if key not in self.parameters]:
+            raise ModelError(f"{listed(unknown)} is not a parameter of {self.name!r}; there are {listed(self.parameters)}")
+        return self.P(*(parameter.check(key, changed[key]) if key in changed else parameter.value for key, parameter in self.parameters.items()))
+
+    def check_start(self, start: Mapping[str, float], mode: str) -> tuple[float, ...]:
+        """system.check_start(start, mode) -> the values in the mode's order; ModelError when one is missing or too many."""
+        names = self.states_of(mode)
+        if unknown := [key for key in start if key not in self.units]:
+            raise ModelError(f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has {listed(names)}")
+        if missing := [key for key in names if key not in start]:
+            raise ModelError(f"start gives no value for {listed(missing)}: mode {mode!r} has the states {listed(names)}")
+        return tuple(number(start[key], f"start of {key!r}") for key in names)
+
+    def resolve(self, value: Number, p: tuple[float, ...], what: str) -> float:
+        """system.resolve("Td", p, "delay of …") -> a number given as such, as a parameter's name or as a function of p."""
+        if callable(value):
+            value = value(p)
+        elif isinstance(value, str):
+            value = getattr(p, value)
+        return number(value, what)
+
+    def __repr__(self) -> str:
+        return f"System({self.name!r}: states {', '.join(self.units)}; modes {', '.join(self.modes)}; {len(self.transitions)} transitions)"

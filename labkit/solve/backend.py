@@ -1,0 +1,390 @@
+"""The compiled back end: core.py once for all models, a model's functions as one small C function, both kept on disk.
+
+    code = compiled(system)          -> Code, or None while it is still being made in the background
+    code = compiled(system, wait=True)
+
+The core is compiled in a process of its own (`python -m labkit.solve`), so that a slider goes on meanwhile; a model is
+compiled in a thread. What is kept on disk is keyed by everything it was made from: the sources, every constant and
+helper they read, the versions of Python, Numba and LLVM, and the processor. A changed constant is another key.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import hashlib
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import threading
+import types
+import warnings
+from collections import namedtuple
+from collections.abc import Callable
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ..model import ModelError, System
+from . import core
+from .functions import FLOW, GUARDS, RESET, common_source, fingerprint, references
+
+try:
+    import llvmlite.binding as llvm  # light; Numba itself is imported when something is to be loaded or compiled
+except ImportError:  # a browser, a locked-down laptop: the plain back end is all there is
+    llvm = None
+
+
+def cache_folder() -> Path:
+    """cache_folder() -> where compiled code is kept: $LABKIT_CACHE, or the user's cache folder, or a temporary one."""
+    if os.environ.get("LABKIT_CACHE"):
+        folder = Path(os.environ["LABKIT_CACHE"])
+    elif sys.platform == "win32":
+        folder = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "labkit"
+    elif sys.platform == "darwin":
+        folder = Path.home() / "Library" / "Caches" / "labkit"
+    else:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "labkit"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
+        pass
+    folder = Path(tempfile.gettempdir()) / f"labkit-{os.getuid() if hasattr(os, 'getuid') else os.environ.get('USERNAME', '')}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder
+
+
+class _Kept:
+    """Numba's interface of a function cache (load_overload, save_overload), with a key of our own for one entry."""
+
+    def __init__(self, text: str):
+        import numba
+
+        machine = (sys.version, numba.__version__, np.__version__, llvm.llvm_version_info, llvm.get_host_cpu_name(), str(llvm.get_host_cpu_features().flatten()))
+        self.path = cache_folder() / f"{hashlib.sha256(repr((machine, text)).encode()).hexdigest()[:40]}.bin"
+
+    def load_overload(self, signature: object, context: object) -> object:
+        from numba.core.compiler import CompileResult
+
+        try:
+            data = pickle.loads(self.path.read_bytes())
+            context.refresh()
+            return CompileResult._rebuild(context, *data)
+        except Exception:  # missing, damaged, written by another version: it is only a cache
+            return None
+
+    def save_overload(self, signature: object, result: object) -> None:
+        from numba.core.serialize import dumps
+
+        try:
+            with tempfile.NamedTemporaryFile(dir=self.path.parent, delete=False) as file:
+                file.write(dumps(result._reduce()))
+            os.replace(file.name, self.path)
+        except OSError:
+            pass
+
+
+def _cfunc(function: Callable, signature: object, text: str) -> object:
+    """A C function by way of the cache; keep the result alive as long as its address is used."""
+    from numba.core.ccallback import CFunc
+
+    made = CFunc(function, (signature.args, signature.return_type), {}, {"error_model": "numpy"})
+    made._cache = _Kept(text)
+    made.compile()
+    return made
+
+
+def _jit(function: Callable) -> Callable:
+    from numba import njit
+
+    return njit(error_model="numpy")(function)
+
+
+# ---------------------------------------------------------------- the core
+
+
+def _make_core() -> object:
+    """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
+    source = Path(core.__file__).read_text(encoding="utf8")
+    fields = core.workspace(*[1] * 14)
+    text = source + Path(__file__).read_text(encoding="utf8") + repr(fields)
+
+    from numba import types as nb
+    from numba.core.imputils import lower_getattr_generic
+    from numba.extending import infer_getattr, intrinsic, models, register_model
+    from numba.core.typing.templates import AttributeTemplate
+
+    # `w` is one pointer, to a table of addresses and shapes; w.k builds the array from its entries. (Passed as a named
+    # tuple of sixty arrays, every call had four hundred arguments and the core took a minute to compile.)
+    places, place = {}, 4
+    for name, kind, shape in fields:
+        places[name] = place, nb.Array(nb.float64 if kind == "f" else nb.int64, len(shape), "C")
+        place += 1 + len(shape)
+
+    class Table(nb.Type):
+        def __init__(self):
+            super().__init__("labkit.Workspace")
+
+    @register_model(Table)
+    class TableModel(models.PrimitiveModel):
+        def __init__(self, manager, kind):
+            from llvmlite import ir
+
+            super().__init__(manager, kind, ir.IntType(64).as_pointer())
+
+    @infer_getattr
+    class Fields(AttributeTemplate):
+        key = Table
+
+        def generic_resolve(self, kind, name):
+            return places[name][1] if name in places else None
+
+    @lower_getattr_generic(Table)
+    def field(context, builder, kind, value, name):
+        from llvmlite import ir
+        from numba.np.arrayobj import populate_array
+
+        start, array = places[name]
+
+        def entry(k):
+            return builder.load(builder.gep(value, [ir.Constant(ir.IntType(64), start + k)]))
+
+        made = context.make_array(array)(context, builder)
+        shape = [entry(1 + axis) for axis in range(array.ndim)]
+        item = context.get_constant(nb.intp, 8)
+        strides = [item] if array.ndim == 1 else [builder.mul(item, shape[1]), item]
+        data = builder.inttoptr(entry(0), made.data.type)
+        populate_array(made, data=data, shape=shape, strides=strides, itemsize=item, meminfo=None)
+        return made._getvalue()
+
+    @intrinsic
+    def as_workspace(context, table):
+        return Table()(nb.CPointer(nb.int64)), lambda context, builder, signature, arguments: arguments[0]
+
+    @intrinsic
+    def call(context, model, what, index, t, y, p, out):
+        # p is the table's second entry: an address, passed on as it is
+        signature = nb.void(nb.int64, nb.int64, nb.int64, nb.float64, y, nb.int64, out)
+
+        def codegen(context, builder, signature, arguments):
+            from llvmlite import ir
+
+            double, long = ir.DoubleType(), ir.IntType(64)
+            kind = ir.FunctionType(ir.VoidType(), [long, long, double] + [double.as_pointer()] * 3)
+            y, out = (context.make_array(signature.args[i])(context, builder, arguments[i]).data for i in (4, 6))
+            p = builder.inttoptr(arguments[5], double.as_pointer())
+            builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [*arguments[1:4], y, p, out])
+            return context.get_dummy_value()
+
+        return signature, codegen
+
+    space: dict[str, object] = {"__name__": "labkit.solve.core"}
+    exec(compile(source, core.__file__, "exec"), space)
+    space |= {"call": call, "as_workspace": as_workspace}
+    exec(
+        f"""
+def flow(model, mode, t, y, p, out): call(model, {FLOW}, mode, t, y, p, out)
+def guards(model, mode, t, y, p, out): call(model, {GUARDS}, mode, t, y, p, out)
+def reset(model, transition, mode, t, y, p, out): call(model, {RESET} + mode, transition, t, y, p, out)
+def external_step(model, w, p, t, h): return 0.0
+def entry(table): return advance(table[0], as_workspace(table), table[1], table[2])
+""",
+        space,
+    )
+    for name, value in list(space.items()):
+        if isinstance(value, types.FunctionType) and name not in ("namedtuple", "workspace", "entry"):
+            space[name] = _jit(value)
+    return _cfunc(space["entry"], nb.intp(nb.CPointer(nb.int64)), text)
+
+
+def addresses(model: int, p: np.ndarray, budget: int, arrays: list[np.ndarray]) -> np.ndarray:
+    """The table that the compiled `entry` reads: model, p, budget, one spare, then address and shape of every field."""
+    table = [model, p.ctypes.data, budget, 0]
+    for array in arrays:
+        table.append(array.ctypes.data)
+        table.extend(array.shape)
+    return np.array(table, dtype=np.int64)
+
+
+# ---------------------------------------------------------------- a model
+
+
+def _native(value: object, made: dict[int, object]) -> object:
+    """A value that a model function reads, as Numba takes it: helpers compiled too, lists as tuples."""
+    if isinstance(value, types.FunctionType):
+        if id(value) not in made:
+            free = {name: _native(cell, made) for name, cell in _cells(value).items()}
+            read = {name: _native(item, made) for name, item in references(value) if name not in free}
+            cells = tuple(types.CellType(free[name]) for name in value.__code__.co_freevars)
+            copy = types.FunctionType(value.__code__, {"__builtins__": __builtins__, **read}, value.__name__, value.__defaults__, cells)
+            made[id(value)] = _jit(copy)
+        return made[id(value)]
+    if isinstance(value, list):
+        return tuple(value)
+    if isinstance(value, tuple) and len(value) == 2 and value[0] in ("S", "P"):
+        return namedtuple(*value)
+    return value
+
+
+def _cells(function: Callable) -> dict[str, object]:
+    return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)}
+
+
+def _make_model(system: System, text: str) -> object:
+    from numba import types as nb
+
+    source, values = common_source(system)
+    made: dict[int, object] = {}
+    space = {"__name__": "labkit.solve.model"} | {name: _native(value, made) for name, value in values.items()}
+    exec(compile(source, f"<{system.name}>", "exec"), space)
+    for name, value in values.items():
+        if value is None:
+            space[name] = _jit(space[name])
+    pointer = nb.CPointer(nb.float64)
+    return _cfunc(space["model"], nb.void(nb.int64, nb.int64, nb.float64, pointer, pointer, pointer), source + text)
+
+
+def model_functions(system: System) -> list[Callable]:
+    flows = [mode.flow for mode in system.modes.values()]
+    return flows + [f for tr in system.transitions for f in (tr.guard, tr.reset) if f is not None]
+
+
+def model_text(system: System) -> str:
+    """Everything the compiled model depends on."""
+    shape = (tuple(system.parameters), [(m, system.states_of(m)) for m in system.modes])
+    edges = [(tr.sources, tr.target, tr.direction, tr.tolerance, tr.guard is None, tr.reset is None, tr.priority) for tr in system.transitions]
+    return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system))
+
+
+# ---------------------------------------------------------------- who is ready
+
+
+class Code:
+    """Compiled code of one system: run(table) goes on with the run that a table of `addresses` describes."""
+
+    def __init__(self, core_function: object, model: object):
+        self._alive = core_function, model
+        self._entry = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function.address)
+        self.model = model.address
+
+    def run(self, table: np.ndarray) -> int:
+        return self._entry(table.ctypes.data)
+
+
+_lock = threading.RLock()
+_core: object = None
+_core_trouble: BaseException | None = None
+_codes: WeakKeyDictionary[System, tuple[str, Code | BaseException | None, list]] = WeakKeyDictionary()
+_threads: list[threading.Thread] = []
+
+
+@atexit.register
+def _settle() -> None:
+    for thread in _threads:  # LLVM must not be at work while the interpreter is taken down
+        thread.join(timeout=3)
+
+
+def _watch(system: System) -> list[tuple[Callable[[], object], object]]:
+    """Everything the functions read from outside, to see cheaply whether it is still the same."""
+    found, seen = [], set()
+
+    def walk(function: Callable) -> None:
+        if id(function) in seen:
+            return
+        seen.add(id(function))
+        for cell, name in zip(function.__closure__ or (), function.__code__.co_freevars, strict=True):
+            found.append((lambda cell=cell: cell.cell_contents, cell.cell_contents))
+        for name, value in references(function):
+            if name in function.__globals__:
+                found.append((lambda space=function.__globals__, name=name: space.get(name), value))
+            if isinstance(value, types.FunctionType):
+                walk(value)
+
+    for function in model_functions(system):
+        walk(function)
+    return found
+
+
+def _same(watch: list[tuple[Callable[[], object], object]]) -> bool:
+    for read, value in watch:
+        now = read()
+        if now is not value or isinstance(now, list | np.ndarray | dict):
+            return False
+    return True
+
+
+def compiled(system: System, wait: bool = False) -> Code | None:
+    """compiled(system) -> Code, or None while it is being made (or cannot be); wait=True waits and raises ModelError if it cannot."""
+    if llvm is None:
+        if wait:
+            raise ModelError("backend='compiled' needs Numba, which is not installed here: use backend='auto' or 'plain'")
+        return None
+    with _lock:
+        text, code, watch = _codes.get(system, ("", None, []))
+        if text and _same(watch):
+            if isinstance(code, Code):
+                return code
+            if code is not None and not wait:
+                return None
+        else:
+            fresh = model_text(system)
+            if fresh != text:
+                code = None
+                _codes[system] = fresh, None, _watch(system)
+                if not wait:
+                    thread = threading.Thread(target=_prepare, args=(system, fresh), daemon=True, name="labkit compiles")
+                    _threads[:] = [t for t in _threads if t.is_alive()] + [thread]
+                    thread.start()
+                    return None
+            elif isinstance(code, Code):
+                return code
+            text = fresh
+    if not wait:
+        return None
+    _prepare(system, text)
+    code = _codes[system][1]
+    if isinstance(code, Code):
+        return code
+    raise ModelError(f"{system.name!r} cannot be compiled, use backend='plain' or mend it: {code}") from code
+
+
+_one_at_a_time = threading.Lock()
+
+
+def _prepare(system: System, text: str) -> None:
+    """Get the core and the model, from disk or anew, and put them where `compiled` finds them."""
+    try:
+        load_core()
+        with _one_at_a_time:
+            if isinstance(_codes.get(system, ("", None))[1], Code) and _codes[system][0] == text:
+                return
+            code: object = Code(_core, _make_model(system, text))
+    except Exception as error:
+        code = error
+        warnings.warn(f"{system.name!r} runs in plain Python, because it cannot be compiled: {str(error).strip().splitlines()[0] if str(error) else error!r}", stacklevel=2)
+    with _lock:
+        if system in _codes and _codes[system][0] == text:
+            _codes[system] = text, code, _codes[system][2]
+
+
+def load_core(here: bool = False) -> None:
+    """Load the compiled core; the first time on a machine it is compiled in a process of its own (here=True: in this one)."""
+    global _core
+    if _core is not None:
+        return
+    with _one_at_a_time:
+        if _core is None:
+            if not here and not core_is_kept():
+                subprocess.run([sys.executable, "-m", "labkit.solve"], check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                               stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])})
+            _core = _make_core()
+
+
+def core_is_kept() -> bool:
+    source = Path(core.__file__).read_text(encoding="utf8")
+    return _Kept(source + Path(__file__).read_text(encoding="utf8") + repr(core.workspace(*[1] * 14))).path.exists()
