@@ -364,7 +364,7 @@ class _Lane:
         rows = getattr(self.w, name)
         if self.code is not None:
             return np.array(rows[:count])
-        return np.array(rows.rows[:count], dtype=float).reshape(count, -1)
+        return np.array(rows.rows[:count], dtype=float).reshape(count, rows.width)
 
     def work(self, seconds: float) -> Work:
         i, st = self.w.i, self.settings

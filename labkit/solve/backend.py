@@ -219,7 +219,7 @@ def _native(value: object, made: dict[int, object]) -> object:
     if isinstance(value, types.FunctionType):
         if id(value) not in made:
             free = {name: _native(cell, made) for name, cell in _cells(value).items()}
-            read = {name: _native(item, made) for name, item in references(value) if name not in free}
+            read = {name: _native(item, made) for name, item in references(value).items() if name not in free}
             cells = tuple(types.CellType(free[name]) for name in value.__code__.co_freevars)
             copy = types.FunctionType(value.__code__, {"__builtins__": __builtins__, **read}, value.__name__, value.__defaults__, cells)
             made[id(value)] = _jit(copy)
@@ -299,8 +299,8 @@ def _watch(system: System) -> list[tuple[Callable[[], object], object]]:
         seen.add(id(function))
         for cell, name in zip(function.__closure__ or (), function.__code__.co_freevars, strict=True):
             found.append((lambda cell=cell: cell.cell_contents, cell.cell_contents))
-        for name, value in references(function):
-            if name in function.__globals__:
+        for name, value in references(function).items():
+            if name not in function.__code__.co_freevars:
                 found.append((lambda space=function.__globals__, name=name: space.get(name), value))
             if isinstance(value, types.FunctionType):
                 walk(value)

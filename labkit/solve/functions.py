@@ -10,11 +10,14 @@ called instead.
 from __future__ import annotations
 
 import ast
+import dis
 import hashlib
 import inspect
 import linecache
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
 from math import nan
 
 import numpy as np
@@ -24,27 +27,29 @@ from ..model import ModelError, System
 FLOW, GUARDS, RESET = range(3)
 
 
-def references(function: Callable) -> Iterator[tuple[str, object]]:
-    """references(f) -> (name, value) of every global and closure variable that f reads, with those of functions nested in it."""
-    closure = inspect.getclosurevars(function) if not _nested(function.__code__) else None
-    if closure is not None:
-        yield from closure.nonlocals.items()
-        yield from closure.globals.items()
-        return
-    free = dict(zip(function.__code__.co_freevars, (cell.cell_contents for cell in function.__closure__ or ()), strict=True))
-    yield from free.items()
-    for code in (function.__code__, *_nested(function.__code__)):
-        for name in code.co_names:
-            if name in function.__globals__:
-                yield name, function.__globals__[name]
+def references(function: Callable) -> dict[str, object]:
+    """references(f) -> name -> value of every global and closure variable that f, or a function nested in it, reads.
+
+    Attribute names (s.m) are not globals, though they stand in the same table of the code object: hence `dis`.
+    """
+    code = function.__code__
+    found = {}
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        with suppress(ValueError):  # a variable that has no value yet
+            found[name] = cell.cell_contents
+    for name in _globals(code):
+        if name in function.__globals__:
+            found.setdefault(name, function.__globals__[name])
+    return found
 
 
-def _nested(code: types.CodeType) -> list[types.CodeType]:
-    found = []
+@lru_cache(maxsize=10_000)
+def _globals(code: types.CodeType) -> tuple[str, ...]:
+    names = {i.argval for i in dis.get_instructions(code) if i.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            found += [constant, *_nested(constant)]
-    return found
+            names.update(_globals(constant))
+    return tuple(sorted(names))
 
 
 def _code_text(code: types.CodeType) -> str:
@@ -58,7 +63,7 @@ def fingerprint(function: Callable, seen: frozenset[int] = frozenset()) -> str:
         return "recursion"
     seen |= {id(function)}
     parts = [_code_text(function.__code__), repr(function.__defaults__), repr(function.__kwdefaults__)]
-    for name, value in sorted(references(function), key=lambda item: item[0]):
+    for name, value in sorted(references(function).items()):
         if isinstance(value, types.FunctionType):
             parts.append(f"{name}: {fingerprint(value, seen)}")
         elif isinstance(value, types.ModuleType | types.BuiltinFunctionType | np.ufunc | type):
@@ -196,7 +201,7 @@ class _Inline(ast.NodeTransformer):
 def _statements(function: Callable, prefix: str, states: tuple[str, ...], parameters: tuple[str, ...], finish: Callable[[ast.expr], str],
                 values: dict[str, object]) -> list[ast.stmt]:
     """The body of one model function as statements of the common function, each return turned into `finish`."""
-    read = dict(references(function))
+    read = references(function)
     node = _tree(function)
     plain = node is not None and not node.args.kwonlyargs and not node.args.vararg and len(node.args.args) == 3
     unusual = ast.Global | ast.Nonlocal | ast.FunctionDef | ast.Lambda | ast.comprehension | ast.ClassDef | ast.Try | ast.With | ast.Yield | ast.Await
