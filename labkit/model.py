@@ -103,8 +103,9 @@ class Mode:
 class Every:
     """Every(period, first=None): the instants first, first + period, … counted from the start of the run.
 
-    Both may be a number (s), the name of a parameter, or a function of p. `first` defaults to one period.
-    The k-th instant is first + k·period (one multiplication, no accumulated rounding).
+    Both may be a number, the name of a parameter, or a function of p. `first` defaults to one period.
+    The k-th instant is first + k·period, or k·period (one multiplication, no accumulated rounding). At one instant only the
+    transitions fire whose source was the mode on arrival: two of them may swap two modes.
     """
 
     period: Number
@@ -149,7 +150,7 @@ class Transition:
     at: Schedule | None = None
     delay: Number = 0.0
     priority: float = 0.0
-    urgent: bool = False
+    urgent: bool | None = None
     zeno: str | None = None
     tolerance: float = 0.0
 

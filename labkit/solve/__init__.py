@@ -197,7 +197,7 @@ class _Lane:
         s, system = self.settings.system.S[mode](*start), self.settings.system
         for i in system.leaving[mode]:
             tr = system.transitions[i]
-            if tr.guard is None or tr.direction == 0 or tr.urgent:
+            if tr.guard is None or tr.direction == 0 or tr.urgent is not None:
                 continue
             value = float(tr.guard(self.settings.t0, s, self.p))
             beyond = tr.direction * value - tr.tolerance
@@ -205,7 +205,8 @@ class _Lane:
                 side = "> 0" if tr.direction > 0 else "< 0"
                 raise ModelError(
                     f"the start does not fit mode {mode!r}: the guard of {tr.name!r} is already {value:.6g} ({side}) at t = {self.settings.t0:g}. "
-                    f"Start elsewhere, choose another mode (mode={tr.target!r}?), or mark the transition urgent=True to let it fire at once"
+                    f"Start elsewhere, choose another mode{'' if tr.target in (None, mode) else f' (mode={tr.target!r}?)'}, or say what the transition "
+                    f"shall do: urgent=True fires at once, urgent=False waits for the next crossing"
                 )
 
     def _fill(self, start: tuple[float, ...], mode: str) -> core.Workspace:
@@ -220,7 +221,7 @@ class _Lane:
         instants = [self._instants(i) for i in plans]
         order = sorted(range(len(trs)), key=lambda i: (-trs[i].priority, i))
         self.dimensions = (
-            self.width, len(self.modes), len(trs), sum(map(len, leave)), rows, st.degree, st.proxy, sum(len(x[2]) for x in instants), len(plans), len(st.grid),
+            self.width, len(self.modes), len(trs), sum(map(len, leave)), rows, st.degree, st.proxy, sum(len(x[3]) for x in instants), len(plans), len(st.grid),
         )
         self.nonzeros = len(a_value), len(w_value)
         values: dict[str, object] = {
@@ -230,10 +231,10 @@ class _Lane:
             "source": [[m in tr.sources for m in self.modes] for tr in trs],
             "target": [-1 if tr.target is None else self.modes.index(tr.target) for tr in trs],
             "zeno": [-1 if tr.zeno is None else self.modes.index(tr.zeno) for tr in trs],
-            "directed": [tr.direction != 0 for tr in trs], "urgent": [tr.urgent for tr in trs], "rank": np.argsort(order),
+            "directed": [tr.direction != 0 for tr in trs], "urgent": [bool(tr.urgent) for tr in trs], "rank": np.argsort(order),
             "delay": [self._delay(tr) for tr in trs],
-            "plan": plans, "plan_first": [x[0] for x in instants], "plan_period": [x[1] for x in instants],
-            "plan_from": np.cumsum([0, *(len(x[2]) for x in instants)]), "instant": sum((x[2] for x in instants), []),
+            "plan": plans, "plan_next": [x[0] for x in instants], "plan_first": [x[1] for x in instants], "plan_period": [x[2] for x in instants],
+            "plan_from": np.cumsum([0, *(len(x[3]) for x in instants)]), "instant": sum((x[3] for x in instants), []),
             "last_t": [st.t0] * len(trs), "grid": st.grid, "y": [*start, *[0.0] * (self.width - len(start))],
         }
         if st.external:  # the table's rows do not matter, the degree does
@@ -248,7 +249,7 @@ class _Lane:
             w.i[place] = int(value)
         for place, value in {
             core.T: st.t0, core.H: st.step if adaptive == 0 else 0.0, core.T_END: st.t_end, core.RTOL: st.rtol, core.ATOL: st.atol,
-            core.MAX_STEP: st.max_step, core.T0: st.t0, core.EVENT_T: -1e300, core.SPAN: st.t_end - st.t0,
+            core.MAX_STEP: st.max_step, core.T0: st.t0, core.EVENT_T: -1e300, core.DUE_T: -1e300, core.SPAN: st.t_end - st.t0,
         }.items():
             w.f[place] = value
         return w
@@ -259,18 +260,18 @@ class _Lane:
             raise ModelError(f"the delay of {tr.name!r} is {value:g}: a dead time cannot be negative")
         return value
 
-    def _instants(self, i: int) -> tuple[float, float, list[float]]:
-        """Of a scheduled transition: first, period, [] or 0, 0, list of instants (none before t0)."""
+    def _instants(self, i: int) -> tuple[int, float, float, list[float]]:
+        """Of a scheduled transition: k, offset, period for instants t0 + offset + k·period; or 0, 0, 0 and a list (none before t0)."""
         system, tr = self.settings.system, self.settings.system.transitions[i]
         if isinstance(tr.at, Every):
             period = system.resolve(tr.at.period, self.p, f"the period of {tr.name!r}")
-            first = period if tr.at.first is None else system.resolve(tr.at.first, self.p, f"the first instant of {tr.name!r}")
+            first = 0.0 if tr.at.first is None else system.resolve(tr.at.first, self.p, f"the first instant of {tr.name!r}")
             if period <= 0 or first < 0:
                 raise ModelError(f"the schedule of {tr.name!r} has period {period:g} and first instant {first:g}: a period must be positive, an instant not negative")
-            return first, period, []
+            return int(tr.at.first is None), first, period, []
         assert isinstance(tr.at, At)
         found = sorted(system.resolve(x, self.p, f"an instant of {tr.name!r}") for x in tr.at.instants)
-        return 0.0, 0.0, [x for x in found if x >= self.settings.t0]
+        return 0, 0.0, 0.0, [x for x in found if x >= self.settings.t0]
 
     def _fields(self) -> tuple:
         n, modes, transitions, guards, rows, degree, top, instants, schedules, grid = self.dimensions
@@ -318,6 +319,8 @@ class _Lane:
                 if table is None:
                     table = addresses(self.model, self.p_array, 200_000, self.w)
                 status = self.code.run(table)
+        w, mode = self.w, self.w.i[core.MODE]
+        core.record(w, w.f[core.T], mode, w.size[mode], w.y)  # whatever stopped it, the last state reached is the last sample
         return status
 
     def reason(self, status: int) -> str:
@@ -349,12 +352,10 @@ class _Lane:
         system, mode = self.settings.system, self.modes[self.w.i[core.MODE]]
         names = system.states_of(mode)
         y = [float(v) for v in list(self.w.y)[: len(names)]]
-        try:
-            rates = [float(v) for v in system.modes[mode].flow(self.w.f[core.T], system.S[mode](*y), self.p)]
-        except (ArithmeticError, ValueError):
-            rates = [float("nan")] * len(names)
-        if bad := [n for n, v in zip(names, rates, strict=False) if not np.isfinite(v)]:
-            return f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} at {t}"
+        # The last attempt's stages are still there: one that is no number tells more than the tiny step
+        stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(-1, self.width)[: self.settings.table.stages + 1]
+        if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k]))]:
+            return f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} near {t}"
         biggest = max(range(len(names)), key=lambda k: abs(y[k]))
         if abs(y[biggest]) > 1e8 or self.settings.method in FIXED_STEP:
             return f"diverged: |{names[biggest]}| = {abs(y[biggest]):.3g} at {t}"

@@ -235,13 +235,12 @@ def _cells(function: Callable) -> dict[str, object]:
     return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)}
 
 
-def _make_model(system: System, text: str) -> object:
+def _make_model(name: str, source: str, values: dict[str, object], text: str) -> object:
     from numba import types as nb
 
-    source, values = common_source(system)
     made: dict[int, object] = {}
     space = {"__name__": "labkit.solve.model"} | {name: _native(value, made) for name, value in values.items()}
-    exec(compile(source, f"<{system.name}>", "exec"), space)
+    exec(compile(source, f"<{name}>", "exec"), space)
     for name, value in values.items():
         if value is None:
             space[name] = _jit(space[name])
@@ -337,7 +336,9 @@ def compiled(system: System, wait: bool = False) -> Code | None:
                 code = None
                 _codes[system] = fresh, None, _watch(system)
                 if not wait:
-                    thread = threading.Thread(target=_prepare, args=(system, fresh), daemon=True, name="labkit compiles")
+                    # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
+                    arguments = system, fresh, _sources(system)
+                    thread = threading.Thread(target=_prepare, args=arguments, daemon=True, name="labkit compiles")
                     _threads[:] = [t for t in _threads if t.is_alive()] + [thread]
                     thread.start()
                     return None
@@ -346,7 +347,7 @@ def compiled(system: System, wait: bool = False) -> Code | None:
             text = fresh
     if not wait:
         return None
-    _prepare(system, text)
+    _prepare(system, text, _sources(system))
     code = _codes[system][1]
     if isinstance(code, Code):
         return code
@@ -356,14 +357,23 @@ def compiled(system: System, wait: bool = False) -> Code | None:
 _one_at_a_time = threading.Lock()
 
 
-def _prepare(system: System, text: str) -> None:
+def _sources(system: System) -> tuple[str, dict[str, object]] | Exception:
+    try:
+        return common_source(system)
+    except Exception as error:
+        return error
+
+
+def _prepare(system: System, text: str, sources: tuple[str, dict[str, object]] | Exception) -> None:
     """Get the core and the model, from disk or anew, and put them where `compiled` finds them."""
     try:
+        if isinstance(sources, Exception):
+            raise sources
         load_core()
         with _one_at_a_time:
             if isinstance(_codes.get(system, ("", None))[1], Code) and _codes[system][0] == text:
                 return
-            code: object = Code(_core, _make_model(system, text))
+            code: object = Code(_core, _make_model(system.name, *sources, text))
     except Exception as error:
         code = error
         warnings.warn(f"{system.name!r} runs in plain Python, because it cannot be compiled: {str(error).strip().splitlines()[0] if str(error) else error!r}", stacklevel=2)

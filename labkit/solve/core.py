@@ -23,10 +23,11 @@ EPS = 2.220446049250313e-16
 MODE, JUMP, GRID, OUT, LEDGER, PIECES, STEPS, REJECTED, FLOWS, GUARDS, FRESH, ENTRY, PENDING, SAME, WHO, FIRST = range(16)
 # … and settings among them
 STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, MODES, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER, ROWS, WIDTH = range(16, 30)
-INTEGERS = 30
+ARRIVED = 30  # the mode in which the instant of a schedule was reached
+INTEGERS = 31
 # Places in w.f
-T, H, T_END, RTOL, ATOL, MAX_STEP, T0, EVENT_T, ZENO_T, SPAN = range(10)
-FLOATS = 10
+T, H, T_END, RTOL, ATOL, MAX_STEP, T0, EVENT_T, ZENO_T, SPAN, DUE_T = range(11)
+FLOATS = 11
 
 # Why `advance` returns
 PAUSE, FINISHED, GROW, TERMINAL, ZENO, CONTACT, LOOP, EVENTS_OUT, STEPS_OUT, UNDERFLOW, QUEUE_FULL, GUARD_NAN = range(12)
@@ -598,8 +599,11 @@ def advance(model, w, p, budget):
         least = 10.0 * EPS * max(abs(t), abs(f[T_END]) * 1e-3)
         due = next_due(w)
         if due - t <= least:
+            # Two schedules that swap two modes at the same instants swap once each time: what counts is the mode on arrival
+            if f[DUE_T] != t:
+                f[DUE_T], i[ARRIVED] = t, mode
             transition = take_due(w, t + least)
-            if transition >= 0 and w.source[transition][mode] == 1:
+            if transition >= 0 and w.source[transition][mode] == 1 and w.source[transition][i[ARRIVED]] == 1:
                 status = fire(model, w, p, transition)
                 if status != PAUSE:
                     return status

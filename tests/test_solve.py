@@ -1,0 +1,581 @@
+"""The engine against closed forms, SciPy and itself: both back ends, every method, events, schedules, dead times, bad input."""
+
+import math
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from labkit import At, Every, METHODS, Mode, ModelError, Parameter, System, Transition, simulate, simulate_many
+from labkit.solve import backend as backends
+
+from . import systems
+
+pytestmark = pytest.mark.filterwarnings("error")
+BOTH = ("plain", "compiled")
+EXPLICIT = ("Euler", "Heun", "RK4", "RK45", "DOP853")
+
+
+# ---------------------------------------------------------------- smooth problems
+
+
+@pytest.mark.parametrize("backend", BOTH)
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_spiral_against_the_exact_solution(method, backend):
+    run = simulate(systems.spiral(), 10.0, method=method, rtol=1e-10, atol=1e-12, backend=backend)
+    exact = systems.spiral_exact(run.t)
+    assert np.abs(exact - [run["s1"], run["s2"]]).max() <= 1e-9
+    t = np.linspace(0.013, 9.97, 777)  # between the samples too
+    assert np.abs(systems.spiral_exact(t) - [run.at(t)["s1"], run.at(t)["s2"]]).max() <= 1e-9
+    assert run.stopped == "finished" and run.t[0] == 0 and run.t[-1] == 10
+
+
+@pytest.mark.parametrize("method", ["LSODA", "Radau", "BDF"])
+def test_scipy_methods_against_the_exact_solution(method):
+    run = simulate(systems.spiral(), 10.0, method=method, rtol=1e-9, atol=1e-11)
+    assert np.abs(systems.spiral_exact(run.t) - [run["s1"], run["s2"]]).max() <= 2e-7
+    assert run.work.method == method and run.work.evaluations > 100
+
+
+@pytest.mark.parametrize(("method", "order"), [("Euler", 1), ("Heun", 2), ("RK4", 4)])
+def test_order_of_the_fixed_step_methods(method, order):
+    errors = [np.abs(systems.spiral_exact(np.array([2.0]))[:, 0] - list(simulate(systems.spiral(), 2.0, method=method, step=h).final.values())).max() for h in (0.02, 0.01)]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_same_numbers_as_scipy(method):
+    """Same tableau, same step control: SciPy's accepted steps are reproduced."""
+    run = simulate(systems.spiral(), 10.0, method=method, rtol=1e-6, atol=1e-9, backend="plain")
+    system = systems.spiral()
+    scipy = solve_ivp(lambda t, y: system.modes["motion"].flow(t, system.S["motion"](*y), system.values()), (0, 10), [4.0, -2.0], method=method, rtol=1e-6, atol=1e-9)
+    ours = run.at(scipy.t)
+    assert np.allclose([ours["s1"], ours["s2"]], scipy.y, rtol=0, atol=1e-12)
+    assert run.work.steps == len(scipy.t) - 1
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-3, 0.5), st.floats(-4, 4), st.floats(-5, 5), st.floats(-5, 5), st.sampled_from(["RK45", "DOP853"]))
+def test_both_back_ends_give_the_same_numbers(alpha, beta, x, y, method):
+    plain, fast = (
+        simulate(SPIRAL, 5.0, alpha=alpha, beta=beta, start={"s1": x, "s2": y}, method=method, rtol=1e-7, backend=b) for b in BOTH
+    )
+    assert (plain.work.steps, plain.work.rejected, plain.work.evaluations) == (fast.work.steps, fast.work.rejected, fast.work.evaluations)
+    assert np.allclose(plain.values, fast.values, rtol=1e-11, atol=1e-11)
+
+
+SPIRAL = systems.spiral()
+
+
+@pytest.mark.parametrize("make", [systems.ball, systems.stick_slip, systems.relay, systems.heater, systems.circuit])
+def test_both_back_ends_give_the_same_events(make):
+    system = make()
+    plain, fast = (simulate(system, 12.0, backend=b) for b in BOTH)
+    assert [e.transition for e in plain.events] == [e.transition for e in fast.events] and len(plain.events) > 2
+    assert np.allclose([e.t for e in plain.events], [e.t for e in fast.events], rtol=0, atol=1e-11)
+    assert np.allclose(plain.t, fast.t, atol=1e-11) and np.allclose(plain.values, fast.values, atol=1e-9)
+    assert plain.work.steps == fast.work.steps and plain.stopped == fast.stopped
+
+
+# ---------------------------------------------------------------- the handbook's checks
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_dry_friction_first_slip(method):
+    run = simulate(systems.stick_slip(), 3.0, method=method, rtol=1e-10, atol=1e-12)
+    assert run.events[0].transition == "break loose"
+    assert abs(run.events[0].t - 5.88 / (2 * 2)) <= (1e-10 if method != "LSODA" else 1e-8)  # LSODA's interpolant is of lower order
+
+
+def test_dry_friction_cycle_against_scipy():
+    """The slip phase, integrated by SciPy between the exact release and the stop found on its own."""
+    run = simulate(systems.stick_slip(), 30.0, rtol=1e-10, atol=1e-12)
+    system = systems.stick_slip()
+    p = system.values()
+    stop = lambda t, y: y[1]
+    stop.terminal, stop.direction = True, -1
+    release = 1.47
+    whole = solve_ivp(lambda t, y: system.modes["slip"].flow(t, system.S["slip"](*y), p), (release, 10), [2.94, 1e-14], rtol=1e-12, atol=1e-13, method="DOP853", max_step=0.05, events=stop)
+    assert run.events[1].t == pytest.approx(whole.t_events[0][0], abs=1e-8)
+    gaps = np.diff([e.t for e in run.events[::2]])
+    assert np.ptp(gaps) < 1e-8 and len(run.events) == 13  # a limit cycle, thirteen events in thirty seconds
+    assert np.all(run["V"] >= -1e-12)
+
+
+def relay_exact(t_end, mu=1.2, K=0.8, a=0.4):
+    """Piece by piece: x'' = (sin t ∓ K)/μ integrated by hand, switches bracketed on a fine grid and found by Brent's method."""
+    t, x, v, mode = 0.0, 0.0, 0.0, "right, pulled"
+    sign = {"right, pulled": -1, "right, held": 1, "left, held": 1, "left, pulled": -1}
+    switches = []
+    while True:
+        s = sign[mode]
+        V = lambda q, t=t, v=v, s=s: v + (np.cos(t) - np.cos(q) - s * K * (q - t)) / mu
+        X = lambda q, t=t, x=x, v=v, s=s: x + v * (q - t) + (np.cos(t) * (q - t) - np.sin(q) + np.sin(t) - s * K * (q - t) ** 2 / 2) / mu
+        guards = {
+            "right, pulled": [(lambda q: X(q) - a, "right, held"), (lambda q: -V(q), "left, pulled")],
+            "right, held": [(lambda q: -V(q), "left, held")],
+            "left, held": [(lambda q: -X(q) - a, "left, pulled"), (V, "right, held")],
+            "left, pulled": [(V, "right, pulled")],
+        }[mode]
+        grid = t + 1e-7 + np.linspace(0, 15, 30001)
+        found = []
+        for guard, target in guards:
+            values = guard(grid)
+            rises = np.flatnonzero((values[:-1] < 0) & (values[1:] >= 0))
+            if len(rises):
+                found.append((brentq(guard, grid[rises[0]], grid[rises[0] + 1], xtol=1e-15), target))
+        when, target = min(found)
+        if when > t_end:
+            return switches, X(t_end), V(t_end)
+        switches.append((when, target))
+        t, x, v, mode = when, X(when), V(when), target
+
+
+@pytest.mark.parametrize("backend", BOTH)
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_relay_against_the_piecewise_exact_solution(method, backend):
+    run = simulate(systems.relay(), 40.0, method=method, rtol=1e-10, atol=1e-12, backend=backend)
+    switches, x, v = relay_exact(40.0)
+    assert [e.target for e in run.events] == [target for _, target in switches]
+    assert np.abs(np.array([e.t for e in run.events]) - [t for t, _ in switches]).max() <= 1e-8
+    assert abs(run.final["x"] - x) <= 1e-8 and abs(run.final["v"] - v) <= 1e-8
+
+
+def test_relay_extremes_of_the_handbook_sample():
+    run = simulate(systems.relay(), 10.0)
+    turns = [e for e in run.events if e.transition == "turn"]
+    assert [round(e.t, 3) for e in turns[:2]] == [3.967, 8.503]
+    assert [round(e.before["x"], 3) for e in turns[:2]] == [3.035, -4.092]
+    other = simulate(systems.relay(), 10.0, mode="left, held")
+    first = next(e for e in other.events if e.transition == "turn")
+    assert (round(first.t, 3), round(first.before["x"], 3)) == (1.966, -0.410)
+
+
+@pytest.mark.parametrize("backend", BOTH)
+@pytest.mark.parametrize("e", [0.1, 0.5, 0.8, 0.9])
+def test_ball_zeno_time(e, backend):
+    run = simulate(systems.ball(), 100.0, e=e, backend=backend)
+    exact = math.sqrt(2 * 10 / 9.81) * (1 + e) / (1 - e)
+    assert run.events[-1].target == "rest" and run.events[-1].t == pytest.approx(exact, rel=1e-9)
+    assert run.stopped == "finished" and abs(run.final["v"]) < 1e-9 and np.all(run["y"] > -1e-9)
+    stops = simulate(systems.ball(zeno=None), 100.0, e=e, backend=backend)
+    assert stops.stopped.startswith("Zeno at t = ") and '"bounce"' in stops.stopped
+
+
+def test_ball_without_loss_keeps_its_energy():
+    run = simulate(systems.ball(), 60.0, e=1.0, rtol=1e-10)
+    exact = math.sqrt(2 * 10 / 9.81) * np.arange(1, 100, 2)
+    assert np.allclose([e.t for e in run.events], exact[: len(run.events)], rtol=0, atol=1e-9) and len(run.events) == 21
+    assert np.allclose(0.5 * run["v"] ** 2 + 9.81 * run["y"], 98.1, rtol=1e-9)
+
+
+def test_ball_that_does_not_bounce_rests():
+    run = simulate(systems.ball(), 5.0, e=0.0)
+    assert [e.target for e in run.events] == ["flight", "rest"] and run.final["y"] == 0
+    assert simulate(systems.ball(zeno=None), 5.0, e=0.0).stopped.startswith("resting contact")
+
+
+def test_heater_limit_cycle_with_dead_time():
+    run = simulate(systems.heater(), 24.0, rtol=1e-10, atol=1e-12)
+    up = 10 - (10 - 5.5) * math.exp(-0.2)
+    down = 4.5 * math.exp(-0.2)
+    late = run.t > 3
+    assert run["tau"][late].max() == pytest.approx(up, abs=1e-8) and run["tau"][late].min() == pytest.approx(down, abs=1e-8)
+    period = math.log((10 - down) / (10 - up)) + math.log(up / down)
+    on = [e.t for e in run.events if e.target == "on"]
+    assert period == pytest.approx(1.0779, abs=1e-4) and np.allclose(np.diff(on), period, atol=1e-8)
+    assert (round(down + 15, 3), round(up + 15, 3)) == (18.684, 21.316)
+
+
+def test_circuit_against_matrix_exponentials():
+    run = simulate(systems.circuit(), 10.0, rtol=1e-10, atol=1e-12)
+    y, rest = np.zeros(2), np.array([0, 5.0])
+    for k in range(10):
+        A = np.array([[-(1.0, 4.0)[k % 2] / 0.5, -2.0], [5.0, 0.0]])
+        y = rest + expm(A) @ (y - rest)
+    assert np.abs(y - list(run.final.values())).max() < 1e-9
+    assert [e.t for e in run.events] == list(range(1, 11)) and [e.target for e in run.events] == ["R2", "R1"] * 5
+
+
+# ---------------------------------------------------------------- events
+
+
+@pytest.mark.parametrize("backend", BOTH)
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("depth", [1e-1, 1e-4, 1e-7, 1e-10])
+def test_pairs_of_crossings_within_one_step(depth, method, backend):
+    """sin t above 1 − depth: two crossings ever closer together, whatever the phase."""
+    limit = 1.0 - depth
+    for phase in np.linspace(0, 2 * math.pi, 5, endpoint=False):
+        system = System(
+            "dip", {"x": "", "n": ""}, {"limit": limit, "phase": float(phase)}, [Mode("only", lambda t, s, p: (math.cos(t + p.phase), 0.0))],
+            [Transition("only", "only", guard=lambda t, s, p: math.sin(t + p.phase) - p.limit, direction=d, urgent=False, reset=lambda t, s, p: (s.x, s.n + 1)) for d in (1, -1)],
+            start={"x": math.sin(phase), "n": 0.0},
+        ) if phase == 0 else system
+        run = simulate(system, 20 * math.pi, method=method, phase=phase, start={"x": math.sin(phase)}, backend=backend)
+        assert run.final["n"] == 20, (depth, phase)
+
+
+def test_directions():
+    def crossings(direction):
+        system = systems.oscillator(transitions=[Transition("motion", "motion", guard=lambda t, s, p: s.x, direction=direction, urgent=False)])
+        return [e.t for e in simulate(system, 10.0, rtol=1e-10, atol=1e-12).events]
+
+    zeros = [math.pi * (k + 0.5) for k in range(3)]
+    assert np.allclose(crossings(0), zeros, atol=1e-9)
+    assert np.allclose(crossings(-1), zeros[::2], atol=1e-9) and np.allclose(crossings(1), zeros[1::2], atol=1e-9)
+
+
+@pytest.mark.parametrize("backend", BOTH)
+def test_no_second_event_after_a_reset(backend):
+    """With the state put exactly on the surface, kept as it is, and moved through: one event a crossing."""
+    for reset in (None, lambda t, s, p: (0.0, s.v), lambda t, s, p: (s.x, 0.5 * s.v)):
+        system = systems.oscillator(transitions=[Transition("motion", "motion", guard=lambda t, s, p: s.x, direction=-1, reset=reset)])
+        run = simulate(system, 20.0, backend=backend)
+        assert len(run.events) == 3
+
+
+def test_guard_zero_at_the_start():
+    for v, events in ((1.0, 1), (-1.0, 2)):  # x starts on the surface: leaving upwards is no event, downwards is
+        system = systems.oscillator(transitions=[Transition("motion", "motion", guard=lambda t, s, p: s.x, direction=-1)])
+        run = simulate(system, 6.5, start={"x": 0.0, "v": v})
+        assert len(run.events) == events and run.events[0].t == (pytest.approx(math.pi) if v > 0 else 0.0)
+
+
+def test_guards_at_one_instant_go_by_priority():
+    def counting(k):
+        return lambda t, s, p: (s.x, s.log * 10 + k)
+
+    def make(priorities):
+        return System(
+            "clock", {"x": "", "log": ""}, {}, [Mode("run", lambda t, s, p: (1.0, 0.0))],
+            [Transition("run", "run", guard=lambda t, s, p: s.x - 1, direction=1, priority=q, reset=counting(k + 1)) for k, q in enumerate(priorities)],
+            start={"x": 0.0, "log": 0.0},
+        )
+
+    assert simulate(make([0, 0, 0]), 2.0).final["log"] == 123
+    assert simulate(make([0, 1, 2]), 2.0).final["log"] == 321
+    assert simulate(make([1, 0, 1]), 2.0).final["log"] == 132
+
+
+def test_urgent_and_edge():
+    def make(urgent):
+        return System(
+            "door", {"x": ""}, {}, [Mode("a", lambda t, s, p: (1.0,)), Mode("b", lambda t, s, p: (1.0,)), Mode("c", lambda t, s, p: (1.0,))],
+            [Transition("a", "b", guard=lambda t, s, p: s.x - 2, direction=1), Transition("b", "c", guard=lambda t, s, p: s.x - 1, direction=1, urgent=urgent)],
+            start={"x": 0.0},
+        )
+
+    fired = simulate(make(True), 4.0)
+    assert [e.target for e in fired.events] == ["b", "c"] and fired.events[0].t == fired.events[1].t
+    assert [e.target for e in simulate(make(False), 4.0).events] == ["b"]
+
+
+def test_touching_a_limit_is_no_event_within_the_tolerance():
+    def destroyed(tolerance, amplitude):
+        system = systems.oscillator(transitions=[Transition("motion", None, guard=lambda t, s, p: s.x - 1, direction=1, tolerance=tolerance, label="destroyed")])
+        return simulate(system, 30.0, start={"x": 0.0, "v": amplitude}).stopped
+
+    assert destroyed(1e-6, 1.0) == "finished"
+    assert destroyed(1e-6, 1.00001) == 'terminal event "destroyed"'
+
+
+def test_terminal_event_ends_the_output():
+    system = systems.oscillator(transitions=[Transition("motion", None, guard=lambda t, s, p: s.x, direction=-1, label="through")])
+    run = simulate(system, 10.0, rtol=1e-11, atol=1e-13)
+    assert run.stopped == 'terminal event "through"' and run.t[-1] == run.events[-1].t == pytest.approx(math.pi / 2, abs=1e-10)
+    assert run["x"][-1] <= 0 and run.events[-1].target is None  # on the far side
+    with pytest.raises(ModelError, match="outside the run"):
+        run.at(1.6)
+
+
+def test_schedules():
+    system = System(
+        "clock", {"x": ""}, {"T": 0.1, "d": Parameter(0.3, "", "", 0, 1)}, [Mode("on", lambda t, s, p: (1.0,)), Mode("off", lambda t, s, p: (0.0,))],
+        [Transition("on", "off", at=Every("T", first=lambda p: p.d * p.T)), Transition("off", "on", at=Every("T")), Transition("on", "on", at=At(0.35, 0.72), reset=lambda t, s, p: (s.x + 100,))],
+        start={"x": 0.0},
+    )
+    run = simulate(system, 10.0, method="RK45")
+    assert run.final["x"] == pytest.approx(10 * 0.3 + 100, abs=1e-9)  # 0.35 falls into "off" and is dropped
+    starts = [e.t for e in run.events if e.target == "on" and e.source == "off"]
+    assert starts == [0.1 * k for k in range(1, 101)]  # k·T, not a sum
+    assert simulate(system, 1.0, d=0.6).final["x"] == pytest.approx(0.6 + 200, abs=1e-9)
+
+
+def test_overlapping_dead_times():
+    """A square wave delayed by more than its period: each crossing arrives, in order."""
+    system = System(
+        "far sensor", {"n": ""}, {"Td": 7.0}, [Mode("only", lambda t, s, p: (0.0,))],
+        [Transition("only", "only", guard=lambda t, s, p: math.sin(t), direction=1, delay="Td", reset=lambda t, s, p: (s.n + 1,))],
+        start={"n": 0.0},
+    )
+    run = simulate(system, 40.0, max_step=0.5)
+    crossings = [2 * math.pi * k for k in range(0, 6)]
+    assert np.allclose([e.t - 7.0 for e in run.events], [t for t in crossings if t + 7 < 40], atol=1e-9)
+
+
+def test_modes_with_their_own_states():
+    def fly(t, s, p):
+        return s.vx, s.vy, 0.0, -p.g
+
+    system = System(
+        "torn pendulum", {"theta": "rad", "w": "rad/s"}, {"L": 2.0, "g": 9.81, "m": 1.0, "Tc": 25.0},
+        [Mode("swing", lambda t, s, p: (s.w, -p.g / p.L * math.sin(s.theta))), Mode("flight", fly, states={"x": "m", "y": "m", "vx": "m/s", "vy": "m/s"})],
+        [Transition("swing", "flight", guard=lambda t, s, p: p.m * (p.L * s.w**2 + p.g * math.cos(s.theta)) - p.Tc, direction=1, label="tear",
+                    reset=lambda t, s, p: (p.L * math.sin(s.theta), -p.L * math.cos(s.theta), p.L * s.w * math.cos(s.theta), p.L * s.w * math.sin(s.theta)))],
+        start={"theta": math.pi / 2, "w": 0.0},
+    )
+    for backend in BOTH:
+        run = simulate(system, 4.0, rtol=1e-10, atol=1e-12, backend=backend)
+        (tear,) = run.events
+        assert math.cos(tear.before["theta"]) == pytest.approx(25 / (3 * 9.81), abs=1e-9)  # the tension is 3 m g cos θ
+        assert math.hypot(tear.after["vx"], tear.after["vy"]) == pytest.approx(2 * abs(tear.before["w"]))
+        energy = 0.5 * (run["vx"] ** 2 + run["vy"] ** 2) + 9.81 * run["y"]
+        assert np.nanmax(np.abs(energy)) < 1e-8 and np.isnan(run["x"][0]) and np.isnan(run["theta"][-1])
+
+
+def test_hybrid_time_is_well_formed():
+    for system in (systems.ball(), systems.relay(), systems.circuit(), systems.heater()):
+        run = simulate(system, 13.0)
+        advanced_t, advanced_j = np.diff(run.t), np.diff(run.j)
+        assert np.all((advanced_t > 0) ^ (advanced_j == 1)) and np.all(advanced_t >= 0) and np.all(advanced_j >= 0)
+        assert run.j[-1] == len(run.events)
+
+
+def test_before_and_after_an_event():
+    run = simulate(systems.ball(), 5.0, rtol=1e-10)
+    bounce = run.events[0]
+    assert run.at(bounce.t, side="before")["v"] == pytest.approx(bounce.before["v"]) and run.at(bounce.t)["v"] == pytest.approx(bounce.after["v"])
+    assert bounce.after["v"] == pytest.approx(-0.8 * bounce.before["v"])
+
+
+def test_without_event_location_the_bounce_comes_late():
+    located = simulate(systems.ball(), 2.0, method="RK45", max_step=0.1)
+    late = simulate(systems.ball(), 2.0, method="RK45", max_step=0.1, locate=False)
+    assert located.events[0].before["y"] == pytest.approx(0, abs=1e-12)
+    assert late.events[0].t > located.events[0].t and late.events[0].before["y"] < -0.01
+
+
+# ---------------------------------------------------------------- many at once
+
+
+@pytest.mark.parametrize("backend", BOTH)
+def test_many_runs_are_the_single_runs(backend):
+    heights, losses = np.linspace(1, 20, 7), np.linspace(0.5, 0.9, 7)
+    system = systems.ball()
+    runs = simulate_many(system, 6.0, start={"y": heights}, e=losses, rtol=1e-8, atol=1e-10, backend=backend)
+    assert len(runs) == 7 and runs["y"].shape == runs.t.shape
+    for i, lane in enumerate(runs):
+        one = simulate(system, 6.0, start={"y": heights[i]}, e=losses[i], points=300, backend=backend)
+        assert np.array_equal(lane["t"], one.t) and np.array_equal(lane["y"], one["y"])
+        assert runs.final["v"][i] == one.final["v"] and runs.stopped[i] == one.stopped and runs.events[i] == len(one.events)
+
+
+# ---------------------------------------------------------------- runs that cannot go on
+
+
+def test_runs_end_with_a_named_reason_and_keep_what_there_is():
+    blow = System("blow-up", {"x": ""}, {}, [Mode("only", lambda t, s, p: (s.x**2,))], start={"x": 1.0})
+    for backend in BOTH:
+        run = simulate(blow, 2.0, backend=backend)
+        assert run.stopped.startswith("diverged: |x|") and run.t[-1] == pytest.approx(1, abs=1e-6) and run.work.steps > 10
+        root = System("root", {"x": ""}, {}, [Mode("only", lambda t, s, p: (-math.sqrt(s.x) - 1,))], start={"x": 1.0})
+        run = simulate(root, 2.0, backend=backend)
+        assert run.stopped.startswith("not a number: the flow of mode 'only'") and "'x'" in run.stopped and 0 < run.t[-1] < 1
+        relay = System(
+            "chatter", {"x": ""}, {}, [Mode("plus", lambda t, s, p: (-1.0,)), Mode("minus", lambda t, s, p: (1.0,))],
+            [Transition("plus", "minus", guard=lambda t, s, p: s.x, direction=-1), Transition("minus", "plus", guard=lambda t, s, p: s.x, direction=1)], start={"x": 1.0},
+        )
+        assert simulate(relay, 3.0, backend=backend).stopped.startswith("endless loop at t = 1: ")
+        assert simulate(systems.ball(), 12.0, max_events=5, backend=backend).stopped.startswith("too many events: 5 by ")
+        assert simulate(systems.spiral(), 12.0, max_steps=7, backend=backend).stopped.startswith("too many steps: 7 by ")
+    stiff = System("stiff", {"x": ""}, {"k": 1e6}, [Mode("only", lambda t, s, p: (-p.k * (s.x - math.cos(t)),))], start={"x": 0.0})
+    assert simulate(stiff, 10.0, max_steps=2000).stopped.startswith("too many steps")
+    run = simulate(stiff, 10.0, method="Radau", max_steps=2000)
+    assert run.stopped == "finished" and run.final["x"] == pytest.approx(math.cos(10), abs=1e-5)
+    assert simulate(systems.oscillator(), 50.0, method="Euler", w=1e9, step=1.0).stopped.startswith(("diverged", "not a number"))
+
+
+def test_thousands_of_switches():
+    run = simulate(systems.ball(), 3000.0, e=1.0)
+    period = 2 * math.sqrt(2 * 10 / 9.81)
+    assert len(run.events) == int(3000 / period + 0.5) and run.stopped == "finished"
+
+
+# ---------------------------------------------------------------- bad input
+
+
+def one_mode(flow, **more):
+    return System("bad", {"x": "m", "v": "m/s"}, {"k": Parameter(1.0, "N/m", "stiffness", 0, 10)}, [Mode("motion", flow)], start={"x": 1.0, "v": 0.0}, **more)
+
+
+good = lambda t, s, p: (s.v, -p.k * s.x)
+
+
+@pytest.mark.parametrize(
+    ("system", "options", "words"),
+    [
+        (one_mode(lambda t, s, p: (s.v,)), {}, "flow of mode 'motion' returns 1 values, but there are 2 states"),
+        (one_mode(lambda t, s, p: s.v), {}, "must return a tuple of 2 derivatives"),
+        (one_mode(lambda t, s, p: None), {}, "must return a tuple"),
+        (one_mode(lambda t, s, p: (s.v, float("nan"))), {}, "returns nan for 'v' at the start, t = 0, x = 1, v = 0"),
+        (one_mode(lambda t, s, p: (s.v, 1 / s.v)), {}, "flow of mode 'motion' fails at the start"),
+        (one_mode(lambda t, s, p: (s.v, -p.K * s.x)), {}, "unknown name"),
+        (one_mode(lambda t, s: (s.v, 0.0)), {}, "cannot be called as f"),
+        (one_mode(good), {"k": 11.0}, r"parameter 'k' = 11 is outside its range \[0, 10\] N/m"),
+        (one_mode(good), {"k": float("nan")}, "parameter 'k' must be finite"),
+        (one_mode(good), {"K": 1.0}, "'K' is not a parameter of 'bad'; there are 'k'"),
+        (one_mode(good), {"start": {"y": 1.0}}, "unknown state.*'y'"),
+        (one_mode(good), {"start": {"x": float("inf")}}, "start of 'x' must be finite"),
+        (one_mode(good), {"mode": "moving"}, "start mode 'moving' is not a mode"),
+        (one_mode(good), {"t0": 5.0}, "t_end = 1 must lie after t0 = 5"),
+        (one_mode(good), {"rtol": -1e-6}, "rtol = -1e-06"),
+        (one_mode(good), {"atol": -1.0}, "atol = -1"),
+        (one_mode(good), {"method": "RK9"}, "no method 'RK9'; there are 'Euler'"),
+        (one_mode(good), {"backend": "fast"}, "no backend 'fast'"),
+        (one_mode(good), {"step": 0.0}, "step = 0"),
+        (one_mode(good), {"points": [0.5, 0.4]}, "rising order"),
+        (one_mode(good), {"max_events": 0}, "max_events must be a whole number"),
+        (one_mode(good, transitions=[Transition("motion", None, guard=lambda t, s, p: s.x - 0.5, direction=1, label="stop")]), {}, "the guard of 'stop' is already 0.5"),
+        (one_mode(good, transitions=[Transition("motion", None, guard=lambda t, s, p: s.x < 0)]), {}, "return the number whose zero is the event"),
+        (one_mode(good, transitions=[Transition("motion", "motion", guard=lambda t, s, p: s.x, reset=lambda t, s, p: (0.0,))]), {}, "the reset of .* returns 1 values"),
+        (one_mode(good, transitions=[Transition("motion", "motion", at=Every("k"))]), {"k": 0.0}, "a period must be positive"),
+        (one_mode(good, transitions=[Transition("motion", "motion", guard=lambda t, s, p: s.x, delay=lambda p: -p.k)]), {}, "a dead time cannot be negative"),
+    ],
+)
+def test_bad_input(system, options, words):
+    with pytest.raises(ModelError, match=words):
+        simulate(system, **{"t_end": 1.0, **options})
+
+
+def test_bad_input_of_many():
+    with pytest.raises(ModelError, match="one common length"):
+        simulate_many(systems.ball(), 1.0, start={"y": np.ones(3)}, e=np.full(4, 0.5))
+
+
+# ---------------------------------------------------------------- compilation
+
+
+STIFFNESS = 2.0
+
+
+def helper(x, k):
+    return -k * x
+
+
+def test_a_parameter_change_compiles_nothing():
+    system = systems.stick_slip()
+    simulate(system, 3.0, backend="compiled")
+    made = []
+    original = backends._make_model
+    backends._make_model = lambda *a: made.append(a) or original(*a)
+    try:
+        for k in (1.5, 2.5, 3.5):
+            simulate(system, 3.0, k=k, backend="compiled", method="RK45", rtol=1e-5)
+    finally:
+        backends._make_model = original
+    assert not made
+
+
+def test_a_changed_constant_or_helper_never_meets_a_stale_compilation():
+    global STIFFNESS, helper
+    system = System("global", {"x": "", "v": ""}, {}, [Mode("m", lambda t, s, p: (s.v, helper(s.x, STIFFNESS)))], start={"x": 1.0, "v": 0.0})
+    original = helper
+    try:
+        for STIFFNESS in (2.0, 3.0, 2.0):
+            assert simulate(system, 1.0, backend="compiled").final["x"] == pytest.approx(math.cos(math.sqrt(STIFFNESS)), abs=1e-7)
+
+        def helper(x, k):
+            return -4 * k * x
+
+        assert simulate(system, 1.0, backend="compiled").final["x"] == pytest.approx(math.cos(math.sqrt(8.0)), abs=1e-7)
+    finally:
+        STIFFNESS, helper = 2.0, original
+
+
+def test_odd_functions_compile_too():
+    """No source (exec), early returns, loops, local names, whole tuples handed to a helper, closures, NumPy."""
+    space = {}
+    exec("def flow(t, s, p):\n    return s.v, -p.k * s.x", space)  # no source to be had
+
+    def early(t, s, p):
+        if s.x > 0.5:
+            force = -p.k * s.x
+            return s.v, force
+        total = 0.0
+        for i in range(4):
+            total += 0.25
+        return (s.v, -p.k * s.x * total)
+
+    def energy(s, p):
+        return 0.5 * s.v**2 + 0.5 * p.k * s.x**2
+
+    def closure(k):
+        return lambda t, s, p: (s.v + 0 * energy(s, p), -k * s.x)
+
+    def through_numpy(t, s, p):
+        pair = (s.v, -np.abs(p.k) * s.x)
+        return pair
+
+    def swap(t, s, p):
+        return s.v, s.x  # reads what it overwrites
+
+    for flow in (space["flow"], early, closure(1.0), through_numpy, lambda t, s, p: (s.v, -s.x) if p.k > 0 else (0.0, 0.0)):
+        transitions = [Transition("m", "m", guard=lambda t, s, p: s.x + 0.5, direction=-1, reset=swap)]
+        system = System("odd", {"x": "", "v": ""}, {"k": 1.0}, [Mode("m", flow)], transitions, start={"x": 1.0, "v": 0.0})
+        plain, fast = (simulate(system, 3.0, backend=b) for b in BOTH)
+        assert len(plain.events) == 1 and np.allclose(plain.values, fast.values, atol=1e-10)
+        assert fast.events[0].after == {"x": fast.events[0].before["v"], "v": fast.events[0].before["x"]}
+
+
+def test_what_cannot_be_compiled_runs_in_plain_python():
+    table = {"k": 1.0}
+    system = System("table", {"x": "", "v": ""}, {}, [Mode("m", lambda t, s, p: (s.v, -table["k"] * s.x))], start={"x": 1.0, "v": 0.0})
+    with pytest.raises(ModelError, match="cannot be compiled"), pytest.warns(UserWarning, match="plain Python"):
+        simulate(system, 1.0, backend="compiled")
+    run = simulate(system, 1.0)
+    assert run.work.backend == "plain" and run.final["x"] == pytest.approx(math.cos(1), abs=1e-8)
+
+
+def test_auto_does_not_wait_for_the_compiler():
+    """The first run of a model nobody has compiled is plain; a little later it is compiled, with the same numbers."""
+    space = {"tag": time.time()}
+    exec("def flow(t, s, p):\n    return s.v, -p.k * s.x + 0.0 * tag", space)
+    system = System("new", {"x": "", "v": ""}, {"k": 1.0}, [Mode("m", space["flow"])], start={"x": 1.0, "v": 0.0})
+    first = simulate(system, 3.0)
+    assert first.work.backend == "plain"
+    for _ in range(600):
+        again = simulate(system, 3.0)
+        if again.work.backend == "compiled":
+            break
+        time.sleep(0.1)
+    assert again.work.backend == "compiled" and np.allclose(first.values, again.values, atol=1e-11)
+
+
+def test_without_numba_the_plain_back_end_serves(tmp_path):
+    """Numba hidden, as in a browser: everything still runs, and asking for the compiled back end is a clear error."""
+    for name in ("numba", "llvmlite"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("raise ImportError('hidden')")
+    program = (
+        "from tests.systems import ball\nfrom labkit import simulate, ModelError\nrun = simulate(ball(), 15.0)\n"
+        "assert run.work.backend == 'plain' and run.events[-1].target == 'rest'\n"
+        "try: simulate(ball(), 1.0, backend='compiled')\nexcept ModelError as e: print(e)"
+    )
+    root = os.path.dirname(os.path.dirname(__file__))
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), root])}, cwd=root)
+    assert done.returncode == 0, done.stderr
+    assert "needs Numba" in done.stdout
+
+
+def test_import_is_light():
+    program = "import sys, labkit; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'scipy', 'numba', 'matplotlib', 'sympy', 'ipywidgets'}))"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.strip() == "[]"
