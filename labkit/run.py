@@ -36,7 +36,9 @@ class Event:
     index: int
 
     def __str__(self) -> str:
-        changed = ", ".join(f"{k} {self.before[k]:.6g} → {v:.6g}" for k, v in self.after.items() if k in self.before and v != self.before[k])
+        # differences of rounding size would tell of the machine, not of the system
+        pairs = [(k, self.before[k], v) for k, v in self.after.items() if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))]
+        changed = ", ".join(f"{k} {old:.6g} → {new:.6g}" for k, old, new in pairs)
         return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (f"  ({changed})" if changed else "")
 
 

@@ -54,6 +54,7 @@ def simulate(system: System, t_end: float, *, t0: float = 0.0, start: Mapping[st
     begin, first_mode = _start(system, {**system.start, **(start or {})}, mode, settings.t0, p)
     check_functions(system, p, settings.t0, begin, first_mode)
     code = settings.code()
+    settings.ready(code is None)
     lane = _Lane(settings, p, begin, first_mode, code)
     status = lane.run()
     return lane.as_run(status, perf_counter() - began)
@@ -78,6 +79,7 @@ def simulate_many(system: System, t_end: float, *, t0: float = 0.0, start: Mappi
     lanes = next(iter(lengths.values()), 1)
     full = {k: np.broadcast_to(v, (lanes,)).tolist() for k, v in columns.items()}
     code = settings.code()
+    settings.ready(code is None)
     prepared = []
     for i in range(lanes):
         p = system.values({k[1]: v[i] for k, v in full.items() if k[0] == "p"})
@@ -145,6 +147,37 @@ class _Settings:
         self.table = explicit("RK45") if self.external else explicit(method)
         self.degree = DEGREE[method] if self.external else self.table.Q.shape[0]
         self.proxy = min(max(self.degree + 1, 4), 8)
+        self.modes = list(system.modes)
+        self.width = max(len(system.states_of(m)) for m in self.modes)
+        self.plans = [i for i, tr in enumerate(system.transitions) if tr.at is not None]
+        self.fixed = self._fixed()
+
+    def _fixed(self) -> dict[str, np.ndarray]:
+        """The fields of the workspace that are the same for every lane: the method's table and the structure of the modes."""
+        system, table, trs, modes = self.system, self.table, self.system.transitions, self.modes
+        rows = table.A.shape[0]
+        a_from, a_column, a_value = _sparse(table.A)
+        w_from, w_row, w_value = _sparse(np.zeros((self.degree, rows)) if self.external else table.W.T)
+        q = np.zeros((self.degree, self.degree)) if self.external else table.Q
+        node, bernstein, test = proxy(self.proxy)
+        leave = [[i for i in system.leaving[m] if trs[i].guard is not None] for m in modes]
+        order = sorted(range(len(trs)), key=lambda i: (-trs[i].priority, i))
+        fixed = {
+            "a_from": a_from, "a_column": a_column, "a_value": a_value, "b": [*table.B, *[0.0] * (rows - len(table.B))], "c": table.C, "e": table.E,
+            "w_from": w_from, "w_row": w_row, "w_value": w_value, "q": q, "node": node, "bernstein": bernstein, "test": test,
+            "size": [len(system.states_of(m)) for m in modes], "leave_from": np.cumsum([0, *map(len, leave)]), "leave": sum(leave, []),
+            "source": np.array([[m in tr.sources for m in modes] for tr in trs]).reshape(len(trs), len(modes)),
+            "target": [-1 if tr.target is None else modes.index(tr.target) for tr in trs],
+            "zeno": [-1 if tr.zeno is None else modes.index(tr.zeno) for tr in trs],
+            "directed": [tr.direction != 0 for tr in trs], "urgent": [bool(tr.urgent) for tr in trs], "rank": np.argsort(order), "plan": self.plans, "grid": self.grid,
+        }
+        kinds = {name: kind for name, kind, _ in core.workspace(*[1] * 14)}
+        return {name: np.ascontiguousarray(value, dtype=float if kinds[name] == "f" else np.int64) for name, value in fixed.items()}
+
+    def ready(self, plain: bool) -> None:
+        """Once before the first lane: lists for the plain back end, addresses for the compiled one."""
+        self.shared = {name: array.tolist() if plain else array for name, array in self.fixed.items()}
+        self.known = {} if plain else {name: array.ctypes.data for name, array in self.fixed.items()}
 
     def code(self):
         if self.external or self.backend == "plain" or (self.backend == "auto" and os.environ.get("LABKIT_BACKEND") == "plain"):
@@ -179,10 +212,9 @@ class _Lane:
     def __init__(self, settings: _Settings, p: tuple, start: tuple[float, ...], mode: str, code: object):
         self.settings, self.p, self.code = settings, p, code
         system = settings.system
-        self.modes = list(system.modes)
+        self.modes, self.width = settings.modes, settings.width
         self._check_guards(start, mode)
         self.sizes = {"events": 64, "pieces": 256 if settings.dense else 1}
-        self.width = max(len(system.states_of(m)) for m in self.modes)
         self.w = self._fill(start, mode)
         if code is None:
             self.model = Plain(system, p, orientations(system))
@@ -210,41 +242,21 @@ class _Lane:
                 )
 
     def _fill(self, start: tuple[float, ...], mode: str) -> core.Workspace:
-        st, system, table = self.settings, self.settings.system, self.settings.table
-        trs = system.transitions
-        rows = table.A.shape[0]
-        a_from, a_column, a_value = _sparse(table.A)
-        w_from, w_row, w_value = _sparse(table.W.T)
-        node, bernstein, test = proxy(st.proxy)
-        leave = [[i for i in system.leaving[m] if trs[i].guard is not None] for m in self.modes]
-        plans = [i for i, tr in enumerate(trs) if tr.at is not None]
-        instants = [self._instants(i) for i in plans]
-        order = sorted(range(len(trs)), key=lambda i: (-trs[i].priority, i))
+        st, table, trs = self.settings, self.settings.table, self.settings.system.transitions
+        instants = [self._instants(i) for i in st.plans]
         self.dimensions = (
-            self.width, len(self.modes), len(trs), sum(map(len, leave)), rows, st.degree, st.proxy, sum(len(x[3]) for x in instants), len(plans), len(st.grid),
+            st.width, len(st.modes), len(trs), len(st.fixed["leave"]), table.A.shape[0], st.degree, st.proxy, sum(len(x[3]) for x in instants), len(st.plans), len(st.grid),
         )
-        self.nonzeros = len(a_value), len(w_value)
-        values: dict[str, object] = {
-            "a_from": a_from, "a_column": a_column, "a_value": a_value, "b": [*table.B, *[0.0] * (rows - len(table.B))], "c": table.C, "e": table.E,
-            "w_from": w_from, "w_row": w_row, "w_value": w_value, "q": table.Q, "node": node, "bernstein": bernstein, "test": test,
-            "size": [len(system.states_of(m)) for m in self.modes], "leave_from": np.cumsum([0, *map(len, leave)]), "leave": sum(leave, []),
-            "source": [[m in tr.sources for m in self.modes] for tr in trs],
-            "target": [-1 if tr.target is None else self.modes.index(tr.target) for tr in trs],
-            "zeno": [-1 if tr.zeno is None else self.modes.index(tr.zeno) for tr in trs],
-            "directed": [tr.direction != 0 for tr in trs], "urgent": [bool(tr.urgent) for tr in trs], "rank": np.argsort(order),
-            "delay": [self._delay(tr) for tr in trs],
-            "plan": plans, "plan_next": [x[0] for x in instants], "plan_first": [x[1] for x in instants], "plan_period": [x[2] for x in instants],
-            "plan_from": np.cumsum([0, *(len(x[3]) for x in instants)]), "instant": sum((x[3] for x in instants), []),
-            "last_t": [st.t0] * len(trs), "grid": st.grid, "y": [*start, *[0.0] * (self.width - len(start))],
-        }
-        if st.external:  # the table's rows do not matter, the degree does
-            values |= {k: None for k in ("w_from", "w_row", "w_value", "q")}
-        w = self._allocate(values)
+        w = self._allocate({
+            "delay": [self._delay(tr) for tr in trs], "plan_next": [x[0] for x in instants], "plan_first": [x[1] for x in instants],
+            "plan_period": [x[2] for x in instants], "plan_from": np.cumsum([0, *(len(x[3]) for x in instants)]), "instant": sum((x[3] for x in instants), []),
+            "last_t": [st.t0] * len(trs), "y": [*start, *[0.0] * (st.width - len(start))],
+        })
         adaptive = 2 if st.external else 0 if st.method in FIXED_STEP else 1
         for place, value in {
-            core.MODE: self.modes.index(mode), core.FRESH: 1, core.ENTRY: 1, core.STAGES: table.stages, core.DEGREE: st.degree, core.PROXY: st.proxy,
-            core.ADAPTIVE: adaptive, core.TWO: st.method == "DOP853", core.LOCATE: st.locate, core.DENSE: st.dense, core.MODES: len(self.modes),
-            core.TRANSITIONS: len(trs), core.MAX_EVENTS: st.max_events, core.MAX_STEPS: st.max_steps, core.ORDER: table.order, core.ROWS: rows, core.WIDTH: self.width,
+            core.MODE: st.modes.index(mode), core.FRESH: 1, core.ENTRY: 1, core.STAGES: table.stages, core.DEGREE: st.degree, core.PROXY: st.proxy,
+            core.ADAPTIVE: adaptive, core.TWO: st.method == "DOP853", core.LOCATE: st.locate, core.DENSE: st.dense, core.MODES: len(st.modes),
+            core.TRANSITIONS: len(trs), core.MAX_EVENTS: st.max_events, core.MAX_STEPS: st.max_steps, core.ORDER: table.order, core.ROWS: table.A.shape[0], core.WIDTH: st.width,
         }.items():
             w.i[place] = int(value)
         for place, value in {
@@ -275,18 +287,21 @@ class _Lane:
 
     def _fields(self) -> tuple:
         n, modes, transitions, guards, rows, degree, top, instants, schedules, grid = self.dimensions
-        return core.workspace(n, modes, transitions, guards, rows, degree, top, instants, schedules, grid, self.sizes["events"], self.sizes["pieces"], *self.nonzeros)
+        nonzeros, weights = len(self.settings.fixed["a_value"]), len(self.settings.fixed["w_value"])
+        return core.workspace(n, modes, transitions, guards, rows, degree, top, instants, schedules, grid, self.sizes["events"], self.sizes["pieces"], nonzeros, weights)
 
     def _allocate(self, values: Mapping[str, object]) -> core.Workspace:
-        plain = self.code is None
-        made = []
+        plain, shared, made = self.code is None, self.settings.shared, []
         for name, kind, shape in self._fields():
-            given = values.get(name)
-            if plain and name in ("out", "ledger", "pieces"):  # rows are added as they are needed
-                made.append(_Rows(shape[0], shape[1]))
-                continue
-            array = np.zeros(shape, dtype=float if kind == "f" else np.int64) if given is None or not np.size(given) else np.ascontiguousarray(given, dtype=float if kind == "f" else np.int64)
-            made.append(array.tolist() if plain else array)
+            if name in shared:
+                made.append(shared[name])
+            elif plain and name in ("out", "ledger", "pieces"):  # rows are added as they are needed
+                made.append(_Rows(*shape))
+            else:
+                array = np.zeros(shape, dtype=float if kind == "f" else np.int64)
+                if name in values and array.size:
+                    array[:] = values[name]
+                made.append(array.tolist() if plain else array)
         return core.Workspace(*made)
 
     def _grow(self) -> None:
@@ -317,7 +332,7 @@ class _Lane:
                 status = core.advance(self.model, self.w, self.p, 10_000)
             else:  # in portions, so that an interrupt from the keyboard is heard
                 if table is None:
-                    table = addresses(self.model, self.p_array, 200_000, self.w)
+                    table = addresses(self.model, self.p_array, 200_000, self.w, self.settings.known)
                 status = self.code.run(table)
         w, mode = self.w, self.w.i[core.MODE]
         core.record(w, w.f[core.T], mode, w.size[mode], w.y)  # whatever stopped it, the last state reached is the last sample

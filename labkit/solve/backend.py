@@ -202,11 +202,11 @@ def entry(table): return advance(table[0], as_workspace(table), table[1], table[
     return _cfunc(space["entry"], nb.intp(nb.CPointer(nb.int64)), text)
 
 
-def addresses(model: int, p: np.ndarray, budget: int, arrays: list[np.ndarray]) -> np.ndarray:
+def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace, known: dict[str, int]) -> np.ndarray:
     """The table that the compiled `entry` reads: model, p, budget, one spare, then address and shape of every field."""
     table = [model, p.ctypes.data, budget, 0]
-    for array in arrays:
-        table.append(array.ctypes.data)
+    for name, array in zip(w._fields, w, strict=True):
+        table.append(known[name] if name in known else array.__array_interface__["data"][0])
         table.extend(array.shape)
     return np.array(table, dtype=np.int64)
 

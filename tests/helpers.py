@@ -1,0 +1,66 @@
+"""What several tests need of notebooks and browsers.
+
+    load("part3/00_sample_dry_friction")["system"]       the notebook's names after its code cells ran
+    find_browser()                                       path of an installed Chrome, Chromium or Edge, or None
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import linecache
+import os
+import shutil
+import sys
+from pathlib import Path
+from unittest import mock
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "notebooks"
+NOTEBOOKS = [str(path.relative_to(FOLDER).with_suffix("").as_posix()) for path in sorted(FOLDER.rglob("*.ipynb")) if ".ipynb_checkpoints" not in path.parts]
+ASSIGNMENTS = [name for name in NOTEBOOKS if name.startswith(("part1/", "part2/", "part3/"))]
+
+
+def read(name: str | Path) -> dict:
+    """read("start") -> the notebook as JSON says it."""
+    return json.loads((FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))
+
+
+def source(cell: dict) -> str:
+    return cell["source"] if isinstance(cell["source"], str) else "".join(cell["source"])
+
+
+def code_cells(notebook: dict) -> list[dict]:
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code" and source(cell).strip()]
+
+
+@functools.cache
+def load(name: str) -> dict:
+    """load("part1/00_sample_stable_spiral") -> namespace after its code cells ran in this process; do not change it.
+
+    Cells run as plain Python in the notebook's folder, without a kernel; panels are made but do not try their sliders.
+    """
+    namespace: dict = {"__name__": "__main__", "display": lambda *things, **options: None}
+    before = Path.cwd()
+    os.chdir((FOLDER / name).parent)
+    try:
+        with mock.patch.dict(os.environ, LABKIT_CHECK="0"):
+            for number, cell in enumerate(code_cells(read(name)), 1):
+                text, place = source(cell), f"<{name}, code cell {number}>"
+                linecache.cache[place] = (len(text), None, text.splitlines(True), place)  # so that a traceback shows the line
+                exec(compile(text, place, "exec"), namespace)
+    finally:
+        os.chdir(before)
+    return namespace
+
+
+def find_browser() -> str | None:
+    """find_browser() -> a Chromium-like browser of this computer: LABKIT_BROWSER, on the path, or in the usual places."""
+    names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge", "microsoft-edge", "microsoft-edge-stable")
+    if sys.platform == "darwin":
+        places = [f"/Applications/{name}.app/Contents/MacOS/{name}" for name in ("Google Chrome", "Chromium", "Microsoft Edge")]
+    else:
+        homes = [os.environ.get(key, "") for key in ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")]
+        places = [f"{home}/{rest}" for home in homes if home for rest in ("Google/Chrome/Application/chrome.exe", "Microsoft/Edge/Application/msedge.exe")]
+    candidates = [os.environ.get("LABKIT_BROWSER"), *map(shutil.which, names), *places]
+    return next((path for path in candidates if path and Path(path).exists()), None)

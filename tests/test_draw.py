@@ -1,0 +1,625 @@
+"""Pictures are tested on the data of their artists, and where it matters on pixels."""
+
+import io
+import math
+import os
+import subprocess
+import sys
+from collections import namedtuple
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from labkit.draw import (
+    COLORS,
+    Sketch,
+    direction_field,
+    equilibria,
+    figure,
+    guard_lines,
+    mode_colors,
+    nullclines,
+    phase_portrait,
+    time_plot,
+    trajectories,
+)
+from labkit.draw.figure import PNG_BYTES, label, symbol
+from labkit.draw.plane import Plane, contour, find_equilibria
+from labkit.draw.sketch import CHARACTERISTICS
+from labkit.linear import classify
+from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
+from labkit.run import Event, Run, Runs, Work
+from labkit.solve import simulate
+from PIL import Image
+
+PLAIN = {"backend": "plain"}
+BOX = ((-2.0, 2.0), (-2.0, 2.0))
+
+
+def linear(A, b=(0.0, 0.0)):
+    (a11, a12), (a21, a22) = A
+    return System("linear", {"x": "m", "v": "m/s"}, {"a11": a11, "a12": a12, "a21": a21, "a22": a22},
+                  [Mode("motion", lambda t, s, p: (p.a11 * s.x + p.a12 * s.v + b[0], p.a21 * s.x + p.a22 * s.v + b[1]))], start={"x": 1.0, "v": 0.0})
+
+
+@pytest.fixture
+def ball():
+    return System("ball", {"y": "m", "v": "m/s"}, {"g": Parameter(9.81, "m/s²"), "e": Parameter(0.8, "", "restitution", 0, 1)},
+                  [Mode("flight", lambda t, s, p: (s.v, -p.g))],
+                  [Transition("flight", "flight", guard=lambda t, s, p: s.y, direction=-1, reset=lambda t, s, p: (0.0, -p.e * s.v), label="bounce")],
+                  start={"y": 10.0, "v": 0.0})
+
+
+@pytest.fixture
+def block():
+    """Sticks until k x reaches the limit, then slips with a constant force until it stands."""
+    return System("block", {"x": "m", "V": "m/s"}, {"k": 2.0, "limit": 5.88, "slide": 4.0},
+                  [Mode("stick", lambda t, s, p: (2.0, 0.0)), Mode("slip", lambda t, s, p: (2.0 - s.V, p.k * s.x - p.slide))],
+                  [Transition("stick", "slip", guard=lambda t, s, p: p.k * s.x - p.limit, direction=1, label="lets go"),
+                   Transition("slip", "stick", guard=lambda t, s, p: s.V, direction=-1, reset=lambda t, s, p: (s.x, 0.0), label="stands")],
+                  start={"x": 0.0, "V": 0.0}, mode=lambda t, s, p: "stick" if s.V <= 0 and p.k * s.x <= p.limit else "slip",
+                  outputs={"F": Output({"stick": lambda t, s, p: p.k * s.x, "slip": lambda t, s, p: p.slide}, "N", "friction")})
+
+
+def made(system, t, mode_index, values, events=()):
+    """A run written down by hand; an instant that stands twice is an event."""
+    t = np.array(t, dtype=float)
+    j = np.concatenate([[0], np.cumsum(np.diff(t) == 0)])
+    ledger = [Event(when, "e", "a", "b", {}, {}, i) for i, when in enumerate(events)]
+    return Run(system, system.values(), t, j, np.array(mode_index), np.array(values, dtype=float), ledger, "finished",
+               Work(0, 0, 0, 0, len(ledger), 0.0, "hand", "hand"), np.zeros((0, 3)))
+
+
+def pixels(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
+def segments(line):
+    """The strokes of a line that is broken by NaN, as a list of arrays (k, 2)."""
+    xy = np.column_stack(line.get_data()).astype(float)
+    gaps = np.flatnonzero(np.isnan(xy).any(axis=1))
+    return [part[~np.isnan(part).any(axis=1)] for part in np.split(xy, gaps) if len(part[~np.isnan(part).any(axis=1)])]
+
+
+# -- figure ---------------------------------------------------------------------------------------------------------------
+
+
+def test_png_is_small_palette_and_the_same_each_time(ball):
+    view = time_plot(simulate(ball, 5.0, **PLAIN), "y", "v")
+    first = view.figure.png()
+    assert first == view.figure.png() == view._repr_png_() == time_plot(simulate(ball, 5.0, **PLAIN), "y", "v").figure.png()
+    assert len(first) <= PNG_BYTES
+    assert Image.open(io.BytesIO(first)).mode == "P"
+    assert b"tEXt" not in first and b"tIME" not in first and b"pHYs" not in first
+    data, meta = view.figure._repr_mimebundle_()
+    assert data["image/png"] == first and meta["image/png"] == {"width": view.figure.css_size[0], "height": view.figure.css_size[1]}
+
+
+def test_png_has_the_same_bytes_in_another_process():
+    code = "from labkit.draw import figure; import hashlib; f = figure(); f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    seen = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": seed}).stdout for seed in "12"}
+    assert len(seen) == 1
+
+
+def test_png_keeps_backgrounds_and_curve_colours_exactly():
+    fig = figure()
+    fig.axes[0].plot([0, 1], [0, 1], linewidth=6)
+    image = pixels(fig.png())
+    assert (image[0, 0] == 255).all()
+    colors = {tuple(c) for c in image.reshape(-1, 3)}
+    assert tuple(int(COLORS[0][i:i + 2], 16) for i in (1, 3, 5)) in colors
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(1, 12), st.floats(0.5, 8))
+def test_any_size_gives_a_picture_of_that_size(width, height):
+    got = Image.open(io.BytesIO(figure(0, width=width, height=height).png())).size
+    assert abs(got[0] - 120 * width) <= 1 and abs(got[1] - 120 * height) <= 1
+
+
+def test_a_crowded_picture_still_fits():
+    fig = figure(1, 1, width=9, height=6)
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        fig.axes[0].plot(np.cumsum(rng.normal(size=60)), np.cumsum(rng.normal(size=60)))
+    picture = pixels(fig.png())
+    exact = np.asarray(Image.open(_saved(fig)).convert("RGB")).astype(int)
+    assert np.abs(picture - exact).mean() < 4
+
+
+def _saved(fig):
+    buffer = io.BytesIO()
+    fig.savefig(buffer, dpi=120)
+    return buffer
+
+
+def test_the_users_rcparams_are_neither_changed_nor_used(ball):
+    before = dict(matplotlib.rcParams)
+    run = simulate(ball, 3.0, **PLAIN)
+    plain = time_plot(run).figure.png()
+    phase_portrait(run).figure.png()
+    Sketch().figure.png()
+    assert dict(matplotlib.rcParams) == before
+    with matplotlib.rc_context({"axes.facecolor": "black", "figure.facecolor": "black", "font.size": 20, "lines.linewidth": 9, "savefig.bbox": "tight", "axes.grid": False}):
+        assert time_plot(run).figure.png() == plain
+
+
+def test_pyplot_is_never_loaded():
+    code = "import sys, labkit.draw; from labkit.draw import figure; figure().png(); assert 'matplotlib.pyplot' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_figure_refuses_nonsense(tmp_path):
+    for bad in ({"width": 0}, {"height": 1e9}, {"rows": -1}, {"rows": 50, "columns": 50}):
+        with pytest.raises(ModelError):
+            figure(**bad)
+    path = figure().save_png(tmp_path / "f.png")
+    assert Image.open(path).size == (1080, 480)
+    with pytest.raises(ModelError, match="cannot be written"):
+        figure().save_png(tmp_path / "no" / "f.png")
+
+
+def test_names_and_units_as_labels(block):
+    assert symbol("theta1") == r"$\theta_{1}$" and symbol("x") == "$x$" and symbol("iL") == "$i_{L}$" and symbol("omega_max") == r"$\omega_{\mathrm{max}}$"
+    assert label(block, "x", "V") == "$x$ [m], $V$ [m/s]" and label(block, "t") == "$t$ [s]"
+    same = System("two", {"a": "m", "b": "m"}, modes=[Mode("m", lambda t, s, p: (0, 0))], start={"a": 0, "b": 0})
+    assert label(same, "a", "b") == "$a$, $b$ [m]"
+
+
+def test_modes_keep_their_colours(block):
+    assert mode_colors(block) == {"stick": COLORS[0], "slip": COLORS[1]}
+    assert len(set(COLORS)) == len(COLORS)
+
+
+# -- time plots -----------------------------------------------------------------------------------------------------------
+
+
+def test_curve_breaks_at_jumps_and_jumps_are_dashed(ball):
+    run = simulate(ball, 6.0, **PLAIN)
+    view = time_plot(run, "y", "v")
+    position, velocity = (panel[0][0] for panel in view._curves)
+    assert len(segments(position.line)) == 1  # y goes on through a bounce
+    strokes, jumps = segments(velocity.line), segments(velocity.jumps)
+    assert len(run.events) == 3 and len(strokes) == 4 and len(jumps) == 3
+    for event, jump in zip(run.events, jumps, strict=True):
+        np.testing.assert_allclose(jump, [[event.t, event.before["v"]], [event.t, event.after["v"]]], rtol=1e-9)
+    assert velocity.jumps.is_dashed() and not velocity.line.is_dashed()
+    xs = np.concatenate([s[:, 0] for s in strokes])
+    assert len(xs) == len(run.t)  # nothing lost
+
+
+def test_pause_where_a_mode_lacks_the_state():
+    torn = System("torn", {"phi": "rad"}, modes=[Mode("rod", lambda t, s, p: (1.0,)), Mode("free", lambda t, s, p: (2.0,), states={"z": "m"})],
+                  transitions=[Transition("rod", "free", at=Every(1.0), reset=lambda t, s, p: (s.phi,))], start={"phi": 0.0})
+    view = time_plot(made(torn, [0, 0.5, 1, 1, 1.5, 2], [0, 0, 0, 1, 1, 1], [[0], [0.5], [1], [7], [8], [9]], events=[1.0]), "phi", "z")
+    phi, z = (panel[0][0] for panel in view._curves)
+    np.testing.assert_array_equal(segments(phi.line)[0][:, 1], [0, 0.5, 1])
+    np.testing.assert_array_equal(segments(z.line)[0][:, 0], [1, 1.5, 2])
+    assert not segments(phi.jumps) and not segments(z.jumps)
+
+
+def test_modes_colour_the_background(block):
+    run = simulate(block, 12.0, **PLAIN)
+    view = time_plot(run, "x", "F")
+    assert len(run.events) > 3
+    where = view._modes[0].artists
+    for name, patch in zip(block.modes, where, strict=True):
+        boxes = patch.get_path().vertices.reshape(-1, 5, 2)
+        total = (boxes[:, 2, 0] - boxes[:, 0, 0]).sum()
+        assert total == pytest.approx(np.diff(run.t)[run.mode[:-1] == name].sum(), rel=1e-9)
+        assert np.all(boxes[:, 1, 1] == 1.0)
+    handles = view.axes[0].get_legend().get_texts()
+    assert [text.get_text() for text in handles] == ["stick", "slip"]
+    assert view.axes[1].get_ylabel() == "$F$ [N]" and view.axes[1].get_xlabel() == "$t$ [s]" and view.axes[0].get_xlabel() == ""
+
+
+def test_a_thousand_events_do_not_blacken_the_plot(block):
+    t = np.repeat(np.linspace(0, 1, 1001), 2)[1:-1]
+    run = made(block, t, (np.arange(len(t)) // 2) % 2, np.column_stack([np.sin(6 * t), np.cos(6 * t)]), events=np.linspace(0, 1, 1001)[1:-1])
+    view = time_plot(run, "x")
+    marks = segments(view._events[0].line)
+    assert len(marks) == 999 and all(mark[:, 1].min() > 0.95 for mark in marks)
+    assert all(patch.get_path().vertices[:, 1].max() < 0.05 for patch in view._modes[0].artists)
+    empty = pixels(view.figure.png())
+    assert (empty.min(axis=2) > 200).mean() > 0.85  # most of the picture stays white
+    assert len(view.figure.png()) <= PNG_BYTES
+
+
+def test_few_events_have_full_lines_and_may_be_left_out(ball):
+    run = simulate(ball, 6.0, **PLAIN)
+    marks = segments(time_plot(run, "y")._events[0].line)
+    np.testing.assert_allclose([m[0, 0] for m in marks], [e.t for e in run.events])
+    assert all(m[0, 1] == 0 and m[1, 1] == 1 for m in marks)
+    assert time_plot(run, "y", events=False)._events == []
+
+
+def test_update_changes_data_and_keeps_artists(ball):
+    one, two = simulate(ball, 6.0, **PLAIN), simulate(ball, 6.0, e=0.5, **PLAIN)
+    view = time_plot(one, "y", ("v",))
+    artists, limits = list(view.artists), [ax.get_ylim() for ax in view.axes]
+    children = [len(ax.get_children()) for ax in view.axes]
+    view.update(two)
+    assert view.artists == artists and [len(ax.get_children()) for ax in view.axes] == children
+    assert not view.relimited and [ax.get_ylim() for ax in view.axes] == limits
+    fresh = time_plot(two, "y", ("v",))
+    for old, new in zip(view.artists, fresh.artists, strict=True):
+        np.testing.assert_array_equal(old.get_xydata(), new.get_xydata())
+    view.update(one)
+    assert view.figure.png() == time_plot(one, "y", ("v",)).figure.png()
+
+
+def test_limits_widen_when_data_leave_and_come_back(ball):
+    view = time_plot(simulate(ball, 3.0, **PLAIN), "y")
+    first = view.axes[0].get_xlim(), view.axes[0].get_ylim()
+    view.update(simulate(ball, 9.0, start={"y": 80.0}, **PLAIN))
+    assert view.relimited and view.axes[0].get_ylim()[1] > 80 and view.axes[0].get_xlim()[1] >= 9
+    view.update(simulate(ball, 9.0, start={"y": 79.0}, **PLAIN))
+    assert not view.relimited
+    view.update(simulate(ball, 3.0, **PLAIN))
+    assert view.relimited and (view.axes[0].get_xlim(), view.axes[0].get_ylim()) == first
+
+
+def test_a_users_zoom_is_left_alone(ball):
+    view = time_plot(simulate(ball, 3.0, **PLAIN), "y")
+    view.axes[0].set_ylim(4, 5)
+    view.update(simulate(ball, 3.0, start={"y": 80.0}, **PLAIN))
+    assert view.axes[0].get_ylim() == (4, 5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30), st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30))
+def test_finite_data_are_always_inside_the_limits(first, second):
+    system = linear([[0, 1], [-1, 0]])
+    runs = [made(system, np.arange(len(y)) + 1.0, np.zeros(len(y), dtype=int), np.column_stack([y, y])) for y in (first, second)]
+    view = time_plot(runs[0], "x")
+    for run in runs:
+        view.update(run)
+        (x0, x1), (y0, y1) = view.axes[0].get_xlim(), view.axes[0].get_ylim()
+        slack = 1e-6 * (y1 - y0)
+        assert x0 <= run.t.min() and run.t.max() <= x1 and y0 - slack <= run["x"].min() and run["x"].max() <= y1 + slack
+
+
+def test_nothing_finite_is_no_crash(block):
+    view = time_plot(made(block, [0, 1], [0, 0], [[np.nan, np.inf], [np.nan, np.inf]]), "x", "V")
+    assert all(math.isfinite(v) for ax in view.axes for v in ax.get_ylim())
+    view.figure.png()
+
+
+def test_several_runs_and_labels(ball):
+    runs = {f"e = {e}": simulate(ball, 4.0, e=e, **PLAIN) for e in (0.5, 0.9)}
+    view = time_plot(runs, ("y", "v"))
+    texts = [text.get_text() for text in view.axes[0].get_legend().get_texts()]
+    assert texts == ["$y$", "$v$", "e = 0.5", "e = 0.9"]
+    colors = [[curve.line.get_color() for curve in curves] for curves in view._curves[0]]
+    assert colors == [[COLORS[0]] * 2, [COLORS[1]] * 2]
+    view.update(list(runs.values())[::-1])
+    np.testing.assert_array_equal(np.nan_to_num(view._curves[0][0][0].line.get_ydata()), np.nan_to_num(time_plot(runs["e = 0.9"], "y")._curves[0][0][0].line.get_ydata()))
+    with pytest.raises(ModelError, match="shows 2 run"):
+        view.update(runs["e = 0.5"])
+
+
+def test_many_lanes_are_one_line_with_gaps():
+    system = linear([[0, 1], [-1, 0]])
+    t = np.array([[0, 1, 2.0], [0, 1, np.nan]])
+    runs = Runs(system, [system.values()] * 2, t, np.array([[0, 0, 0], [0, 0, -1]]), np.arange(12.0).reshape(2, 3, 2), np.zeros(2, dtype=int), ["finished"] * 2,
+                Work(0, 0, 0, 0, 0, 0.0, "hand", "hand"))
+    strokes = segments(time_plot(runs, "x")._curves[0][0][0].line)
+    assert [len(stroke) for stroke in strokes] == [3, 2]
+
+
+def test_time_plot_refuses_nonsense(ball, block):
+    run = simulate(ball, 1.0, **PLAIN)
+    with pytest.raises(ModelError, match="neither a state nor an output"):
+        time_plot(run, "z")
+    with pytest.raises(ModelError, match="takes runs"):
+        time_plot([1, 2])
+    with pytest.raises(ModelError, match="empty"):
+        time_plot([])
+    with pytest.raises(ModelError, match="2 panel"):
+        time_plot(run, "y", "v", axes=figure().axes)
+    with pytest.raises(ModelError, match="made for 'ball'"):
+        time_plot(run).update(simulate(block, 1.0, **PLAIN))
+
+
+# -- type of an equilibrium -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("A", "kind"), [
+    ([[-1, 0], [0, -3]], "stable node"), ([[1, 0], [0, 3]], "unstable node"), ([[-2, 0], [0, -2]], "stable star"), ([[2, 0], [0, 2]], "unstable star"),
+    ([[-1, 0], [1, -1]], "stable improper node"), ([[1, 5], [0, 1]], "unstable improper node"), ([[-2, 1], [-1, -2]], "stable spiral point"),
+    ([[0.1, 1], [-1, 0.1]], "unstable spiral point"), ([[0, 4], [-1, 0]], "centre"), ([[1, 0], [0, -2]], "saddle"),
+    ([[1, 2], [2, 4]], "degenerate (line of equilibria)"), ([[0, 1], [0, 0]], "degenerate (line of equilibria)"), ([[0, 0], [0, 0]], "degenerate (all points)"),
+    ([[-1, 0], [0, -1.00002]], "stable node"), ([[-1, 1e-4], [-1e-4, -1]], "stable spiral point"),
+])
+def test_classify(A, kind):
+    assert classify(A) == kind
+    for scale in (1e-12, 1e9):
+        assert classify(scale * np.array(A, dtype=float)) == kind
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.sampled_from([([[-1, 0], [0, -3]], "stable node"), ([[2, 0], [0, 2]], "unstable star"), ([[-1, 0], [1, -1]], "stable improper node"),
+                        ([[-2, 1], [-1, -2]], "stable spiral point"), ([[0, 1], [-1, 0]], "centre"), ([[1, 0], [0, -2]], "saddle")]),
+       st.floats(-3, 3), st.floats(-3, 3), st.floats(-math.pi, math.pi))
+def test_classify_is_unchanged_by_similarity(case, a, b, angle):
+    A, kind = case
+    G = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    S = G @ (np.eye(2) + np.outer([a, b], [b, -a]))  # det S = 1 for any a, b
+    assert classify(S @ np.array(A, dtype=float) @ np.linalg.inv(S), tolerance=1e-8) == kind
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.floats(-5, 5), min_size=4, max_size=4))
+def test_classify_agrees_with_the_eigenvalues(entries):
+    A = np.array(entries).reshape(2, 2)
+    values = np.linalg.eigvals(A)
+    if np.abs(A).max() < 1e-3 or np.abs(values).min() < 1e-3 or abs(values[0] - values[1]) < 1e-3 or np.abs(values.real).min() < 1e-3:
+        return
+    kind = "spiral point" if abs(values[0].imag) > 0 else "node" if values.real.prod() > 0 else "saddle"
+    assert classify(A) == ("saddle" if kind == "saddle" else f"{'stable' if values.real.max() < 0 else 'unstable'} {kind}")
+
+
+def test_classify_refuses_nonsense():
+    for bad in ([1, 2], np.eye(3), [[1, np.nan], [0, 1]]):
+        with pytest.raises(ModelError, match="2 × 2"):
+            classify(bad)
+    with pytest.raises(ModelError, match="tolerance"):
+        classify(np.eye(2), tolerance=-1)
+
+
+# -- phase portraits ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("A", "kind"), [([[1, 0], [0, -2]], "saddle"), ([[0, 1], [-4, 0]], "centre"), ([[-2, 1], [-1, -2]], "stable spiral point"),
+                                         ([[-1, 0], [1, -1]], "stable improper node"), ([[-1.5, 0], [0, -1.5]], "stable star")])
+def test_equilibrium_of_a_linear_system(A, kind):
+    b = np.array([0.3, -0.7])
+    (x, v, mode, word), = equilibria(linear(A, b), limits=BOX).found
+    np.testing.assert_allclose([x, v], -np.linalg.solve(np.array(A, dtype=float), b), atol=1e-9)
+    assert (mode, word) == ("motion", kind)
+
+
+def test_equilibria_of_a_pendulum_with_math_functions():
+    pendulum = System("pendulum", {"phi": "rad", "w": "rad/s"}, {"d": 0.3}, [Mode("swing", lambda t, s, p: (s.w, -math.sin(s.phi) - p.d * s.w))], start={"phi": 1.0, "w": 0.0})
+    found = find_equilibria(Plane(pendulum), ((-7.0, 7.0), (-3.0, 3.0)))
+    np.testing.assert_allclose([x for x, *_ in found], np.pi * np.arange(-2, 3), atol=1e-9)
+    assert [kind for *_, kind in found] == ["stable spiral point", "saddle"] * 2 + ["stable spiral point"]
+    assert [kind for *_, kind in find_equilibria(Plane(pendulum, p=pendulum.values({"d": 0.0})), ((-1.0, 1.0), (-1.0, 1.0)))] == ["centre"]
+
+
+def test_no_equilibrium_where_there_is_none(ball):
+    assert equilibria(ball, limits=((0.0, 10.0), (-10.0, 10.0))).found == []
+
+
+def test_only_the_equilibria_of_the_mode_that_holds(block):
+    view = equilibria(block, limits=((-1.0, 5.0), (0.0, 6.0)))
+    (x, v, mode, kind), = view.found
+    assert (round(x, 9), round(v, 9), mode, kind) == (2.0, 2.0, "slip", "centre")
+    view = equilibria(block, limits=((-1.0, 5.0), (0.0, 6.0)), mode="stick")
+    assert view.found == []
+
+
+def test_nullclines_lie_where_the_rates_vanish():
+    system = System("van der Pol", {"x": "", "v": ""}, {"mu": 1.0}, [Mode("m", lambda t, s, p: (s.v, p.mu * (1 - s.x**2) * s.v - s.x))], start={"x": 1, "v": 0})
+    layer = nullclines(system, limits=((-3.0, 3.0), (-4.0, 4.0)))
+    flat, steep = (np.concatenate(segments(line)) for line in layer.lines)
+    assert np.abs(flat[:, 1]).max() < 1e-12
+    x, v = steep.T
+    inside = np.abs(1 - x**2) > 0.3
+    np.testing.assert_allclose(v[inside], (x / (1 - x**2))[inside], atol=0.05)
+    assert len(segments(layer.lines[1])) == 3
+
+
+def test_a_jump_through_zero_is_no_nullcline():
+    plane_function = lambda x, y: np.where(x > 0.313, 1.0, -1.0)  # noqa: E731
+    assert contour(plane_function, BOX) == []
+    line, = contour(lambda x, y: x - 0.313, BOX)
+    np.testing.assert_allclose(line[:, 0], 0.313, atol=1e-12)
+    assert contour(lambda x, y: 0 * x, BOX) == []
+    assert contour(lambda x, y: np.full(np.shape(x), np.nan), BOX) == []
+
+
+def test_direction_field_points_along_the_flow_on_paper():
+    system = linear([[0, 1], [-1, 0]])
+    layer = direction_field(system, limits=((-2.0, 2.0), (-200.0, 200.0)))
+    arrows = [stroke for stroke in segments(layer.lines[0])]
+    assert len(arrows) >= 15 * 5
+    lengths = []
+    for stroke in arrows:
+        tail, tip = stroke[0], stroke[1]
+        x, v = (tail + tip) / 2
+        flow, way = np.array([v / 4, -x / 400]), (tip - tail) / [4, 400]
+        assert np.cross(np.append(flow, 0), np.append(way, 0))[2] == pytest.approx(0, abs=1e-9 * np.hypot(*flow))
+        assert flow @ way > 0
+        lengths.append(np.hypot(way[0] * layer.shape, way[1]))
+    assert np.ptp(lengths) < 1e-9
+
+
+def test_field_shows_the_mode_that_holds(block):
+    layer = direction_field(block, limits=((-1.0, 5.0), (-1.0, 6.0)))
+    stick, slip = (np.concatenate(segments(line)) for line in layer.lines)
+    assert stick[:, 1].max() < 0.2 and slip[:, 1].min() > -0.5 and stick[:, 0].max() < 5.88 / 2 + 0.3
+    assert [line.get_color() for line in layer.lines] == [COLORS[0], COLORS[1]]
+
+
+def test_vectorised_and_single_evaluation_agree(block):
+    plane = Plane(block)
+    X, Y = np.meshgrid(np.linspace(-1, 5, 12), np.linspace(-1, 5, 11))
+    for mode in block.modes:
+        f, g = plane.flow(mode, X, Y)
+        one = np.array([plane.rates(mode, x, y) for x, y in zip(X.ravel().tolist(), Y.ravel().tolist(), strict=True)])
+        np.testing.assert_array_equal(np.column_stack([f.ravel(), g.ravel()]), one)
+    branching = System("b", {"x": "", "v": ""}, modes=[Mode("m", lambda t, s, p: (math.sqrt(s.x), 1.0 if s.v > 0 else -1.0))], start={"x": 1, "v": 0})
+    f, g = Plane(branching).flow("m", X, Y)
+    np.testing.assert_array_equal(np.isnan(f), X < 0)
+    np.testing.assert_array_equal(g[X >= 0], np.where(Y > 0, 1.0, -1.0)[X >= 0])
+
+
+def test_guard_lines_and_names(block):
+    layer = guard_lines(block, limits=((-1.0, 5.0), (-1.0, 6.0)))
+    np.testing.assert_allclose(np.concatenate(segments(layer.lines["stick"]))[:, 0], 2.94, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate(segments(layer.lines["slip"]))[:, 1], 0.0, atol=1e-9)
+    assert {text.get_text() for text in layer.words.values()} == {"lets go", "stands"}
+    assert all(line.is_dashed() for line in layer.lines.values())
+
+
+def test_trajectories_by_mode_with_dashed_jumps(ball, block):
+    run = simulate(ball, 6.0, **PLAIN)
+    layer = trajectories(run)
+    assert len(segments(layer.lines[0])) == 4 and len(segments(layer.jumps)) == 3
+    np.testing.assert_allclose(np.concatenate(segments(layer.jumps))[:, 0], 0, atol=1e-9)
+    run = simulate(block, 12.0, **PLAIN)
+    layer = trajectories(run)
+    for name, line in zip(block.modes, layer.lines, strict=True):
+        assert sum(map(len, segments(line))) == (run.mode == name).sum()
+    assert not segments(layer.jumps)
+    np.testing.assert_allclose(np.column_stack(layer.starts.get_data()), [[0, 0]])
+
+
+def test_arrow_heads_point_along_the_trajectory():
+    layer = trajectories(simulate(linear([[0, 1], [-1, 0]]), 6.0, **PLAIN), limits=BOX)
+    heads = [path.vertices for path in layer.heads.get_paths()]
+    assert heads
+    for tip, left, right, *_ in heads:
+        way, at = tip - (left + right) / 2, (tip + left + right) / 3
+        assert way @ np.array([at[1], -at[0]]) > 0.9 * np.hypot(*way) * np.hypot(*at)  # clockwise
+
+
+def test_portrait_of_many_and_update_with_other_parameters():
+    system = linear([[-0.2, 1], [-1, -0.2]])
+    view = phase_portrait(system, starts=12, horizon=4.0, limits=BOX, **PLAIN)
+    assert [type(layer).__name__ for layer in view.layers] == ["DirectionField", "Nullclines", "Trajectories", "Equilibria"]
+    assert len(view.layers[2].starts.get_xdata()) == 12 and view.equilibria[0][3] == "stable spiral point" and view.notes == []
+    children, artists = len(view.axes.get_children()), list(view.artists)
+    view.update(simulate(system, 4.0, a11=0.2, a22=0.2, **PLAIN))
+    assert view.equilibria[0][3] == "unstable spiral point" and not view.relimited
+    assert len(view.axes.get_children()) == children and view.artists == artists
+    fresh = phase_portrait(system, starts=12, horizon=4.0, limits=BOX, a11=0.2, a22=0.2, **PLAIN)
+    np.testing.assert_allclose(view.layers[2].lines[0].get_xydata(), fresh.layers[2].lines[0].get_xydata(), rtol=1e-12)
+    assert view.figure.png() == fresh.figure.png()
+
+
+def test_portrait_of_a_run_widens_and_the_field_follows(ball):
+    view = phase_portrait(simulate(ball, 3.0, **PLAIN))
+    assert [type(layer).__name__ for layer in view.layers] == ["DirectionField", "Nullclines", "GuardLines", "Trajectories", "Equilibria"]
+    before = view.layers[0].lines[0].get_xydata().copy()
+    view.update(simulate(ball, 3.0, start={"y": 9.0}, **PLAIN))
+    assert not view.relimited
+    np.testing.assert_array_equal(view.layers[0].lines[0].get_xydata(), before)
+    view.update(simulate(ball, 6.0, start={"y": 40.0}, **PLAIN))
+    assert view.relimited and view.axes.get_xlim()[1] > 40
+    assert view.layers[0].lines[0].get_xydata()[:, 0].max() != before[:, 0].max()
+
+
+def test_time_dependent_flow_is_said_and_has_no_nullclines():
+    forced = System("forced", {"x": "m", "v": "m/s"}, {"w": 1.0}, [Mode("m", lambda t, s, p: (s.v, math.sin(p.w * t) - s.x))], start={"x": 1.0, "v": 0.0})
+    view = phase_portrait(simulate(forced, 5.0, **PLAIN))
+    assert [type(layer).__name__ for layer in view.layers] == ["DirectionField", "Trajectories"]
+    assert "depends on time" in view.notes[0] and view.equilibria == []
+    assert any("depends on time" in text.get_text() for text in view.axes.texts)
+
+
+def test_a_larger_system_is_cut_at_its_start():
+    three = System("three", {"x": "m", "v": "m/s", "z": "N"}, modes=[Mode("m", lambda t, s, p: (s.v, s.z - s.x, 0.0))], start={"x": 1.0, "v": 0.0, "z": 0.5})
+    view = phase_portrait(simulate(three, 5.0, **PLAIN))
+    assert "other states" in view.notes[0] and view.equilibria == []
+    f, g = Plane(three, at={"z": 2.0}).flow("m", np.array([1.0]), np.array([3.0]))
+    assert (f[0], g[0]) == (3.0, 1.0)
+
+
+def test_starts_beyond_a_guard_are_not_made_up(ball):
+    view = phase_portrait(ball, starts=20, horizon=0.5, limits=((-5.0, 5.0), (-5.0, 5.0)), **PLAIN)
+    runs = next(layer for layer in view.layers if type(layer).__name__ == "Trajectories")
+    assert 0 < len(runs.starts.get_xdata()) < 20 and min(runs.starts.get_xdata()) >= 0
+
+
+def test_portrait_refuses_nonsense(ball):
+    with pytest.raises(ModelError, match="not a state"):
+        phase_portrait(ball, "y", "w", horizon=1.0)
+    with pytest.raises(ModelError, match="horizon"):
+        phase_portrait(ball)
+    with pytest.raises(ModelError, match="not a parameter"):
+        phase_portrait(ball, horizon=1.0, zz=3.0)
+    with pytest.raises(ModelError, match="limits"):
+        phase_portrait(ball, horizon=1.0, limits=((1.0, 0.0), (0.0, 1.0)))
+    with pytest.raises(ModelError, match="mode 'x'"):
+        phase_portrait(ball, horizon=1.0, mode="x")
+    with pytest.raises(ModelError, match="'v'"):
+        phase_portrait(ball, horizon=1.0, starts={"y": [1.0]})
+    with pytest.raises(ModelError, match="shape"):
+        phase_portrait(ball, horizon=1.0, starts=np.zeros((3, 3)))
+    one = System("one", {"x": "m"}, modes=[Mode("m", lambda t, s, p: (0.0,))], start={"x": 0.0})
+    with pytest.raises(ModelError, match="two states"):
+        phase_portrait(one, horizon=1.0)
+
+
+# -- sketches -------------------------------------------------------------------------------------------------------------
+
+
+def test_sketch_pieces_meet_at_their_points():
+    s = Sketch(8, 3)
+    m = s.block((2.5, 1.1), 1.4, 1.0, "$m$")
+    np.testing.assert_allclose([m.right, m.top, m.bottom, m.left], [(3.2, 1.1), (2.5, 1.6), (2.5, 0.6), (1.8, 1.1)])
+    k = s.spring(m.right, (6.0, 1.1), "$k$")
+    assert k.start == m.right and k.end == (6.0, 1.1)
+    np.testing.assert_allclose(k.middle, (4.6, 1.1))
+    line = s.axes.lines[-1]
+    np.testing.assert_allclose([line.get_xydata()[0], line.get_xydata()[-1]], [m.right, (6.0, 1.1)])
+    bob = s.pendulum((3, 2.6), 1.0, 30)
+    np.testing.assert_allclose(bob.center, (3 + 0.5, 2.6 - math.sqrt(3) / 2))
+    up = s.pendulum((3, 0.5), 1.0, 180)
+    np.testing.assert_allclose(up.center, (3, 1.5))
+
+
+def test_every_piece_draws_inside_and_leaves_ink():
+    s = Sketch(8, 4)
+    before = (pixels(s.figure.png()) < 250).sum()
+    s.ground((0.5, 0.5), (7.5, 0.5))
+    s.wall((0.5, 0.5), 3.0)
+    s.block((2, 1), 1, 1, "$m$")
+    s.spring((0.5, 1.2), (1.5, 1.2), "$c$")
+    s.damper((0.5, 0.8), (1.5, 0.8), "$r$", side="below")
+    s.arrow((2.5, 1), (3.2, 1), "$F$")
+    s.axis((2, 1.8), (3, 1.8), "$x$")
+    s.dimension((4, 1), (5, 1), "$L$", offset=0.3)
+    s.dimension((4, 2), (4, 3), "$H$")
+    s.rod((5, 3), (6, 2), "$l$")
+    s.pendulum((6.5, 3.5), 1.5, -25, "$\\varphi$", bob="$m$")
+    s.sum((1, 3))
+    s.integrator((2, 3))
+    s.connect((1.16, 3), (1.65, 3), label="$e$")
+    s.switch((3, 3.2), (4, 3.2), "$S$")
+    s.text((5, 3.7), "words")
+    for i, kind in enumerate(CHARACTERISTICS):
+        s.characteristic((0.8 + i, 2.2), kind, 0.8, 0.6)
+    image = pixels(s._repr_png_())
+    assert (image < 250).sum() > before + 20_000
+    edge = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    assert (edge == 255).all()  # nothing is cut off
+
+
+def test_connection_turns_at_right_angles():
+    s = Sketch()
+    s.connect((1, 1), (3, 2), dot=True)
+    points = s.axes.lines[-1].get_xydata()
+    np.testing.assert_allclose(points, [(1, 1), (3, 1)])
+    np.testing.assert_allclose(s.axes.patches[0].get_path().vertices[0], (3, 1), atol=1e-6)
+
+
+def test_sketch_refuses_nonsense():
+    s = Sketch()
+    with pytest.raises(ModelError, match="pair"):
+        s.block((1, float("nan")), 1, 1)
+    with pytest.raises(ModelError, match="two different points"):
+        s.spring((1, 1), (1, 1))
+    with pytest.raises(ModelError, match="hysteresis"):
+        s.characteristic((1, 1), "relais")
+    with pytest.raises(ModelError, match="nothing to update"):
+        s.update(None)
+
+
+def test_a_point_from_a_named_tuple_or_array_is_fine():
+    P = namedtuple("P", "x y")
+    assert Sketch().spring(P(1, 1), np.array([2.0, 1.0])).start == (1, 1)

@@ -1,0 +1,169 @@
+"""python -m labkit: what it does before there is an environment, what it says when something is missing, what it starts."""
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+from labkit import __main__ as main
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def python(*words, **options):
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=120, **options)
+
+
+# ---- before there is an environment
+
+
+def test_only_the_standard_library_is_needed_at_first():
+    """Isolated and without site-packages, as on a bare machine."""
+    code = (f"import sys; sys.path.insert(0, {str(ROOT)!r}); import labkit.__main__\n"
+            "print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names) - {'labkit', '__main__'}))")
+    done = python("-I", "-S", "-c", code)
+    assert done.stdout.strip() == "[]", done.stdout + done.stderr
+
+
+def test_help():
+    done = python("-m", "labkit", "--help", cwd=ROOT)
+    assert done.returncode == 0 and "python -m labkit test" in done.stdout
+
+
+@pytest.mark.parametrize("version, good", [((3, 10), False), ((3, 11), True), ((3, 14), True), ((3, 15), False)])
+def test_the_python_version(version, good):
+    if good:
+        main.check_python(version)
+    else:
+        with pytest.raises(main.SetupError, match=f"this is Python 3.{version[1]}; labkit needs Python 3.11 to 3.14"):
+            main.check_python(version)
+
+
+def test_a_missing_venv_module_is_named_with_the_mend(tmp_path, monkeypatch):
+    monkeypatch.setattr(main.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(main.SetupError, match="apt install python3-venv"):
+        main.make_environment(tmp_path / "env")
+    assert not (tmp_path / "env").exists()
+
+
+def test_an_environment_that_cannot_be_made_leaves_nothing(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    with pytest.raises(main.SetupError, match="could not be made"):
+        main.make_environment(tmp_path / "file" / "env")
+
+
+def test_a_half_made_environment_is_made_anew(tmp_path):
+    place = tmp_path / "env"
+    venv.create(place, with_pip=False, symlinks=os.name != "nt")
+    main.make_environment(place)
+    assert python(main.venv_python(place).name and "-c", "pass").returncode == 0
+    assert subprocess.run([main.venv_python(place), "-m", "pip", "--version"], capture_output=True).returncode == 0
+
+
+def test_the_same_command_goes_to_the_environments_python(monkeypatch):
+    seen = []
+    monkeypatch.setattr(main, "make_environment", lambda: None)
+    monkeypatch.setattr(main.sys, "prefix", "/somewhere/else")
+    monkeypatch.setattr(main.os, "execve", lambda *all: seen.append(all) or 0, raising=False)
+    monkeypatch.setattr(main.subprocess, "run", lambda command, env: seen.append((command[0], command, env)) or subprocess.CompletedProcess(command, 0))
+    main.main(["test", "-k", "panel"])
+    (place, command, environment), = seen
+    assert Path(place) == main.venv_python() and command[1:] == ["-m", "labkit", "test", "-k", "panel"]
+    assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
+
+
+# ---- filling it
+
+
+@pytest.fixture
+def lock(tmp_path, monkeypatch):
+    (tmp_path / "environment.txt").write_text("numpy==2.4.6\n    # via labkit\npytest==9.2.0 ; python_version > '3'\n")
+    monkeypatch.setattr(main, "LOCK", tmp_path / "environment.txt")
+    calls = []
+    monkeypatch.setattr(main, "install", lambda command, packages: calls.append((command, packages)))
+    return calls
+
+
+def test_packages_are_installed_once_for_each_lock(tmp_path, lock, capsys):
+    purelib = tmp_path / "site"
+    purelib.mkdir()
+    main.fill_environment(purelib)
+    main.fill_environment(purelib)
+    ((command, packages),) = lock
+    assert command[-2:] == ["--requirement", str(main.LOCK)] and "--no-deps" in command and packages == 2
+    main.LOCK.write_text("numpy==2.5.5\n")
+    main.fill_environment(purelib)
+    assert len(lock) == 2
+
+
+def test_labkit_is_importable_from_every_folder_of_the_environment(tmp_path, lock):
+    main.fill_environment(tmp_path)
+    code = f"import site; site.addsitedir({str(tmp_path)!r}); import labkit; print(labkit.__file__)"
+    assert Path(python("-I", "-S", "-c", code, cwd=tmp_path).stdout.strip()).parent == ROOT / "labkit"
+
+
+def test_a_failed_installation_is_tried_again(tmp_path, lock, monkeypatch):
+    def fail(command, packages):
+        raise main.SetupError("no")
+
+    monkeypatch.setattr(main, "install", fail)
+    with pytest.raises(main.SetupError):
+        main.fill_environment(tmp_path)
+    monkeypatch.setattr(main, "install", lambda command, packages: lock.append(command))
+    main.fill_environment(tmp_path)
+    assert len(lock) == 1
+
+
+@pytest.mark.parametrize("last, mend", [
+    ("WARNING: NewConnectionError('<...>: Failed to establish a new connection: [Errno -2] Name or service not known')", "there is no network"),
+    ("ERROR: No matching distribution found for numpy==99", "show these lines to your teacher"),
+])
+def test_pips_failure_is_told_with_the_mend(last, mend):
+    pip = f"print('Collecting numpy==99'); print({last!r}); raise SystemExit(1)"
+    with pytest.raises(main.SetupError) as caught:
+        main.install([sys.executable, "-c", pip], 1)
+    assert mend in str(caught.value) and last in str(caught.value)
+
+
+def test_pips_success(capsys):
+    main.install([sys.executable, "-c", "print('Collecting numpy==2.4.6'); print('Installing collected packages: numpy')"], 1)
+    assert "in place" in capsys.readouterr().out
+
+
+# ---- what it starts
+
+
+def test_lab_opens_the_start_page_with_labkits_settings(monkeypatch):
+    seen = []
+    monkeypatch.setattr(main, "warm", lambda: seen.append("warm"))
+    monkeypatch.setattr(main.subprocess, "run", lambda command, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 7))
+    assert main.main(["--here", "--no-browser"]) == 7
+    _, (command, environment) = seen
+    assert command[1:3] == ["-m", "jupyterlab"] and str(ROOT / "notebooks" / "start.ipynb") in command and "--no-browser" in command
+    assert f"--ServerApp.root_dir={ROOT}" in command
+    assert ("--allow-root" in command) == (hasattr(os, "geteuid") and os.geteuid() == 0)
+    settings = Path(environment["JUPYTER_CONFIG_PATH"].split(os.pathsep)[0])
+    assert (settings / "jupyter_server_config.py").exists() and (settings / "labconfig" / "page_config.json").exists()
+
+
+@pytest.mark.parametrize("words, wanted, unwanted", [
+    ([], ["-n", "2", "--nbval-lax", str(ROOT / "tests"), str(ROOT / "notebooks")], []),
+    (["-n", "0", "-k", "panel"], ["-k", "panel", str(ROOT / "tests")], ["2"]),
+    (["tests/test_main.py::test_help"], ["tests/test_main.py::test_help"], [str(ROOT / "tests")]),
+])
+def test_test_runs_all_tests_and_notebooks_unless_told_which(monkeypatch, words, wanted, unwanted):
+    seen = []
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(main.subprocess, "run", lambda command, cwd, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 3))
+    assert main.main(["--here", "test", *words]) == 3
+    ((command, environment),) = seen
+    assert set(wanted) <= set(command) and not set(unwanted) & set(command) and environment["LABKIT_CHECK"] == "1"
+
+
+def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):
+    monkeypatch.setattr(main, "check_python", lambda: (_ for _ in ()).throw(main.SetupError("this is Python 2")))
+    assert main.main([]) == 1
+    assert capsys.readouterr().err.strip() == "labkit: this is Python 2"
