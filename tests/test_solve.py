@@ -579,3 +579,21 @@ def test_without_numba_the_plain_back_end_serves(tmp_path):
 def test_import_is_light():
     program = "import sys, labkit; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'scipy', 'numba', 'matplotlib', 'sympy', 'ipywidgets'}))"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_a_later_kernel_finds_the_compiled_code(tmp_path):
+    """Two processes, one cache folder: the second compiles nothing (helpers included)."""
+    program = (
+        "import numba, labkit.solve.backend as b\nfrom tests.systems import stick_slip, relay\nfrom labkit import simulate\n"
+        "from numba.core.ccallback import CFunc\ncount = []\noriginal = CFunc._compile_uncached\n"
+        "CFunc._compile_uncached = lambda self: count.append(1) or original(self)\n"
+        "print(len(simulate(stick_slip(), 9.0, backend='compiled').events) + len(simulate(relay(), 9.0, backend='compiled').events), len(count))"
+    )
+    root = os.path.dirname(os.path.dirname(__file__))
+    cache = backends.cache_folder()
+    for file in cache.glob("*.bin"):  # the core takes long: lend it
+        if file.stat().st_size > 100_000:
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    environment = {**os.environ, "LABKIT_CACHE": str(tmp_path), "PYTHONPATH": root}
+    printed = [subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=root).stdout.split() for _ in range(2)]
+    assert printed == [["7", "2"], ["7", "0"]]

@@ -183,7 +183,7 @@ def _make_core() -> object:
 
         return signature, codegen
 
-    space: dict[str, object] = {"__name__": "labkit.solve.core"}
+    space: dict[str, object] = {"__name__": __name__}  # Numba loads what is kept by way of a module that can be imported
     exec(compile(source, core.__file__, "exec"), space)
     space |= {"call": call, "as_workspace": as_workspace}
     exec(
@@ -221,7 +221,7 @@ def _native(value: object, made: dict[int, object]) -> object:
             free = {name: _native(cell, made) for name, cell in _cells(value).items()}
             read = {name: _native(item, made) for name, item in references(value).items() if name not in free}
             cells = tuple(types.CellType(free[name]) for name in value.__code__.co_freevars)
-            copy = types.FunctionType(value.__code__, {"__builtins__": __builtins__, **read}, value.__name__, value.__defaults__, cells)
+            copy = types.FunctionType(value.__code__, {"__name__": __name__, "__builtins__": __builtins__, **read}, value.__name__, value.__defaults__, cells)
             made[id(value)] = _jit(copy)
         return made[id(value)]
     if isinstance(value, list):
@@ -239,7 +239,7 @@ def _make_model(name: str, source: str, values: dict[str, object], text: str) ->
     from numba import types as nb
 
     made: dict[int, object] = {}
-    space = {"__name__": "labkit.solve.model"} | {name: _native(value, made) for name, value in values.items()}
+    space = {"__name__": __name__} | {name: _native(value, made) for name, value in values.items()}
     exec(compile(source, f"<{name}>", "exec"), space)
     for name, value in values.items():
         if value is None:
