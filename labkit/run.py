@@ -241,20 +241,26 @@ def _column(system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarra
     return result
 
 
-def _write(path: str | os.PathLike, data: bytes) -> Path:
-    """Write beside the goal, then rename: a full disk or a lost network share never leaves half a file."""
-    path = Path(path)
-    temporary = None
+def write_whole(path: str | os.PathLike, data: bytes) -> None:
+    """write_whole("a.csv", data): beside the goal, then renamed, so that a full disk or a lost share never leaves half a file. Raises OSError."""
+    path, temporary = Path(path), None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = file.name
             file.write(data)
         os.replace(temporary, path)
-    except OSError as error:
+    except OSError:
         if temporary and os.path.exists(temporary):
             os.unlink(temporary)
+        raise
+
+
+def _write(path: str | os.PathLike, data: bytes) -> Path:
+    try:
+        write_whole(path, data)
+    except OSError as error:
         raise ModelError(f"{str(path)!r} cannot be written ({error.strerror or error}): choose a folder that exists and that you may write to") from error
-    return path
+    return Path(path)
 
 
 def load_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:

@@ -23,13 +23,17 @@ import types
 import warnings
 from collections import namedtuple
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ..model import ModelError, System
-from . import core
+from ..run import write_whole
+from . import core, functions
 from .functions import FLOW, GUARDS, RESET, common_source, fingerprint, references
 
 try:
@@ -59,44 +63,38 @@ def cache_folder() -> Path:
     return folder
 
 
-class _Kept:
-    """Numba's interface of a function cache (load_overload, save_overload), with a key of our own for one entry."""
-
-    def __init__(self, text: str):
-        import numba
-
-        machine = (sys.version, numba.__version__, np.__version__, llvm.llvm_version_info, llvm.get_host_cpu_name(), str(llvm.get_host_cpu_features().flatten()))
-        self.path = cache_folder() / f"{hashlib.sha256(repr((machine, text)).encode()).hexdigest()[:40]}.bin"
-
-    def load_overload(self, signature: object, context: object) -> object:
-        from numba.core.compiler import CompileResult
-
-        try:
-            data = pickle.loads(self.path.read_bytes())
-            context.refresh()
-            return CompileResult._rebuild(context, *data)
-        except Exception:  # missing, damaged, written by another version: it is only a cache
-            return None
-
-    def save_overload(self, signature: object, result: object) -> None:
-        from numba.core.serialize import dumps
-
-        try:
-            with tempfile.NamedTemporaryFile(dir=self.path.parent, delete=False) as file:
-                file.write(dumps(result._reduce()))
-            os.replace(file.name, self.path)
-        except OSError:
-            pass
+@cache
+def _machine() -> str:
+    """What compiled code depends on besides its source."""
+    versions = [version(package) for package in ("numba", "llvmlite", "numpy")]
+    return repr((sys.version, versions, llvm.get_host_cpu_name(), sorted(llvm.get_host_cpu_features().items())))
 
 
-def _cfunc(function: Callable, signature: object, text: str) -> object:
-    """A C function by way of the cache; keep the result alive as long as its address is used."""
+def _kept(text: str) -> Path:
+    """The file in which the code made from `text` is kept."""
+    return cache_folder() / f"{hashlib.sha256((_machine() + text).encode()).hexdigest()[:40]}.bin"
+
+
+def _c_function(text: str, make: Callable[[], tuple[Callable, object]]) -> tuple[object, int]:
+    """(what to keep alive, address) of a C function: the one kept under `text`, or a new one from make() -> (function, signature)."""
     from numba.core.ccallback import CFunc
+    from numba.core.compiler import CompileResult
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.registry import cpu_target
+    from numba.core.serialize import dumps
 
-    made = CFunc(function, (signature.args, signature.return_type), {}, {"error_model": "numpy"})
-    made._cache = _Kept(text)
-    made.compile()
-    return made
+    path, context = _kept(text), cpu_target.target_context
+    with global_compiler_lock:
+        try:
+            data = pickle.loads(path.read_bytes())
+            context.refresh()
+            result = CompileResult._rebuild(context, *data)
+        except Exception:  # missing, damaged, written by another version: it is only a cache
+            function, signature = make()
+            result = CFunc(function, (signature.args, signature.return_type), {}, {"error_model": "numpy"})._compile_uncached()
+            with suppress(OSError):
+                write_whole(path, dumps(result._reduce()))
+        return result, result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
 
 
 def _jit(function: Callable) -> Callable:
@@ -108,12 +106,13 @@ def _jit(function: Callable) -> Callable:
 # ---------------------------------------------------------------- the core
 
 
-def _make_core() -> object:
-    """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
-    source = Path(core.__file__).read_text(encoding="utf8")
-    fields = core.workspace(*[1] * 14)
-    text = source + Path(__file__).read_text(encoding="utf8") + repr(fields)
+def _core_text() -> str:
+    return Path(core.__file__).read_text(encoding="utf8") + Path(__file__).read_text(encoding="utf8")
 
+
+def _make_core() -> tuple[Callable, object]:
+    """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
+    source, fields = Path(core.__file__).read_text(encoding="utf8"), core.workspace(*[1] * 14)
     from numba import types as nb
     from numba.core.imputils import lower_getattr_generic
     from numba.extending import infer_getattr, intrinsic, models, register_model
@@ -199,7 +198,7 @@ def entry(table): return advance(table[0], as_workspace(table), table[1], table[
     for name, value in list(space.items()):
         if isinstance(value, types.FunctionType) and name not in ("namedtuple", "workspace", "entry"):
             space[name] = _jit(value)
-    return _cfunc(space["entry"], nb.intp(nb.CPointer(nb.int64)), text)
+    return space["entry"], nb.intp(nb.CPointer(nb.int64))
 
 
 def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace, known: dict[str, int]) -> np.ndarray:
@@ -235,7 +234,8 @@ def _cells(function: Callable) -> dict[str, object]:
     return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)}
 
 
-def _make_model(name: str, source: str, values: dict[str, object], text: str) -> object:
+def _make_model(name: str, source: str, values: dict[str, object]) -> tuple[Callable, object]:
+    """The common function of a model, as functions.common_source gives it, ready for Numba."""
     from numba import types as nb
 
     made: dict[int, object] = {}
@@ -245,7 +245,7 @@ def _make_model(name: str, source: str, values: dict[str, object], text: str) ->
         if value is None:
             space[name] = _jit(space[name])
     pointer = nb.CPointer(nb.float64)
-    return _cfunc(space["model"], nb.void(nb.int64, nb.int64, nb.float64, pointer, pointer, pointer), source + text)
+    return space["model"], nb.void(nb.int64, nb.int64, nb.float64, pointer, pointer, pointer)
 
 
 def model_functions(system: System) -> list[Callable]:
@@ -254,10 +254,11 @@ def model_functions(system: System) -> list[Callable]:
 
 
 def model_text(system: System) -> str:
-    """Everything the compiled model depends on."""
+    """Everything the compiled model depends on, and so its key."""
     shape = (tuple(system.parameters), [(m, system.states_of(m)) for m in system.modes])
     edges = [(tr.sources, tr.target, tr.direction, tr.tolerance, tr.guard is None, tr.reset is None, tr.priority) for tr in system.transitions]
-    return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system))
+    how = Path(functions.__file__).read_text(encoding="utf8") + Path(__file__).read_text(encoding="utf8")
+    return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system)) + how
 
 
 # ---------------------------------------------------------------- who is ready
@@ -266,18 +267,17 @@ def model_text(system: System) -> str:
 class Code:
     """Compiled code of one system: run(table) goes on with the run that a table of `addresses` describes."""
 
-    def __init__(self, core_function: object, model: object):
-        self._alive = core_function, model
-        self._entry = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function.address)
-        self.model = model.address
+    def __init__(self, core_function: tuple[object, int], model_function: tuple[object, int]):
+        self._alive = core_function, model_function
+        self._entry = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function[1])
+        self.model = model_function[1]
 
     def run(self, table: np.ndarray) -> int:
         return self._entry(table.ctypes.data)
 
 
 _lock = threading.RLock()
-_core: object = None
-_core_trouble: BaseException | None = None
+_core: tuple[object, int] | None = None
 _codes: WeakKeyDictionary[System, tuple[str, Code | BaseException | None, list]] = WeakKeyDictionary()
 _threads: list[threading.Thread] = []
 
@@ -337,7 +337,7 @@ def compiled(system: System, wait: bool = False) -> Code | None:
                 _codes[system] = fresh, None, _watch(system)
                 if not wait:
                     # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
-                    arguments = system, fresh, _sources(system)
+                    arguments = system, fresh, None if _kept(fresh).exists() else _sources(system)
                     thread = threading.Thread(target=_prepare, args=arguments, daemon=True, name="labkit compiles")
                     _threads[:] = [t for t in _threads if t.is_alive()] + [thread]
                     thread.start()
@@ -347,7 +347,7 @@ def compiled(system: System, wait: bool = False) -> Code | None:
             text = fresh
     if not wait:
         return None
-    _prepare(system, text, _sources(system))
+    _prepare(system, text, None)
     code = _codes[system][1]
     if isinstance(code, Code):
         return code
@@ -364,16 +364,21 @@ def _sources(system: System) -> tuple[str, dict[str, object]] | Exception:
         return error
 
 
-def _prepare(system: System, text: str, sources: tuple[str, dict[str, object]] | Exception) -> None:
+def _prepare(system: System, text: str, sources: tuple[str, dict[str, object]] | Exception | None) -> None:
     """Get the core and the model, from disk or anew, and put them where `compiled` finds them."""
     try:
-        if isinstance(sources, Exception):
-            raise sources
         load_core()
         with _one_at_a_time:
             if isinstance(_codes.get(system, ("", None))[1], Code) and _codes[system][0] == text:
                 return
-            code: object = Code(_core, _make_model(system.name, *sources, text))
+
+            def make() -> tuple[Callable, object]:
+                found = _sources(system) if sources is None else sources
+                if isinstance(found, Exception):
+                    raise found
+                return _make_model(system.name, *found)
+
+            code: object = Code(_core, _c_function(text, make))
     except Exception as error:
         code = error
         warnings.warn(f"{system.name!r} runs in plain Python, because it cannot be compiled: {str(error).strip().splitlines()[0] if str(error) else error!r}", stacklevel=2)
@@ -392,9 +397,8 @@ def load_core(here: bool = False) -> None:
             if not here and not core_is_kept():
                 subprocess.run([sys.executable, "-m", "labkit.solve"], check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])})
-            _core = _make_core()
+            _core = _c_function(_core_text(), _make_core)
 
 
 def core_is_kept() -> bool:
-    source = Path(core.__file__).read_text(encoding="utf8")
-    return _Kept(source + Path(__file__).read_text(encoding="utf8") + repr(core.workspace(*[1] * 14))).path.exists()
+    return _kept(_core_text()).exists()
