@@ -16,7 +16,8 @@ _HOMES = {
     "equations": "equations jacobian mode_diagram parameter_table",
     "solve": "METHODS simulate simulate_many",
     "run": "Event Run Runs Work load_npz",
-    "draw": "Sketch figure phase_portrait time_plot",
+    "draw": "COLORS Sketch View figure mode_colors phase_portrait time_plot",
+    "linear": "classify",
     "panel": "explore",
     "course": "assignment catalogue project",
 }

@@ -142,7 +142,8 @@ def test_the_users_rcparams_are_neither_changed_nor_used(ball):
     phase_portrait(run).figure.png()
     Sketch().figure.png()
     assert dict(matplotlib.rcParams) == before
-    with matplotlib.rc_context({"axes.facecolor": "black", "figure.facecolor": "black", "font.size": 20, "lines.linewidth": 9, "savefig.bbox": "tight", "axes.grid": False}):
+    other = {"axes.facecolor": "black", "figure.facecolor": "black", "font.size": 20, "lines.linewidth": 9, "savefig.bbox": "tight", "axes.grid": False}
+    with matplotlib.rc_context(other):
         assert time_plot(run).figure.png() == plain
 
 
@@ -156,7 +157,8 @@ def test_figure_refuses_nonsense(tmp_path):
         with pytest.raises(ModelError):
             figure(**bad)
     path = figure().save_png(tmp_path / "f.png")
-    assert Image.open(path).size == (1080, 480)
+    with Image.open(path) as picture:
+        assert picture.size == (1080, 480)
     with pytest.raises(ModelError, match="cannot be written"):
         figure().save_png(tmp_path / "no" / "f.png")
 
@@ -295,7 +297,7 @@ def test_several_runs_and_labels(ball):
     colors = [[curve.line.get_color() for curve in curves] for curves in view._curves[0]]
     assert colors == [[COLORS[0]] * 2, [COLORS[1]] * 2]
     view.update(list(runs.values())[::-1])
-    np.testing.assert_array_equal(np.nan_to_num(view._curves[0][0][0].line.get_ydata()), np.nan_to_num(time_plot(runs["e = 0.9"], "y")._curves[0][0][0].line.get_ydata()))
+    np.testing.assert_array_equal(view._curves[0][0][0].line.get_ydata(), time_plot(runs["e = 0.9"], "y")._curves[0][0][0].line.get_ydata())
     with pytest.raises(ModelError, match="shows 2 run"):
         view.update(runs["e = 0.5"])
 
@@ -623,3 +625,13 @@ def test_sketch_refuses_nonsense():
 def test_a_point_from_a_named_tuple_or_array_is_fine():
     P = namedtuple("P", "x y")
     assert Sketch().spring(P(1, 1), np.array([2.0, 1.0])).start == (1, 1)
+
+
+def test_later_titles_and_legends_have_the_house_style():
+    fig = figure()
+    axes = fig.axes[0]
+    axes.plot([0, 1], label="curve")
+    axes.set(title="late")
+    assert axes.get_title(loc="left") == "late" and not axes.legend().get_frame_on()
+    polar = fig.add_subplot(projection="polar")
+    assert polar.name == "polar" and polar.plot([0, 1], [0, 1])[0].get_color() == "#0072B2"

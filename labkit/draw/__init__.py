@@ -1,0 +1,15 @@
+"""Pictures: time plots, phase portraits, sketches. Each is an ordinary Matplotlib figure in one house style.
+
+    time_plot(run, "x", ("V", "F"))
+    phase_portrait(system, "x", "v", starts=40, horizon=10.0)
+    Sketch(8, 3)
+"""
+
+from .figure import COLORS, Figure, figure, mode_colors
+from .phase import PhasePortrait, direction_field, equilibria, guard_lines, nullclines, phase_portrait, trajectories
+from .sketch import Sketch
+from .time import TimePlot, time_plot
+from .view import View
+
+__all__ = ["COLORS", "Figure", "PhasePortrait", "Sketch", "TimePlot", "View", "direction_field", "equilibria", "figure", "guard_lines", "mode_colors", "nullclines",
+           "phase_portrait", "time_plot", "trajectories"]

@@ -1,0 +1,212 @@
+"""The house figure: one style, one palette, a small PNG that never changes by itself. pyplot is not used anywhere.
+
+    fig = figure(2, 1, height=5)
+    fig.axes[0].plot(t, x)
+    fig                                   # as the last line of a cell: the picture
+    fig.savefig("x.svg")                  # everything Matplotlib can do stays possible
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.figure
+import numpy as np
+from matplotlib import patheffects, rc_context
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from ..model import ModelError, System
+from ..run import _write
+
+__all__ = ["COLORS", "DASHES", "Figure", "STYLE", "figure", "label", "mode_colors", "symbol", "tint"]
+
+#: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all common kinds of colour
+#: vision; their yellow is left out (invisible on white) and black comes last, since axes and text have it.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#000000")
+#: Line styles that go with the first four colours where few curves share a panel: they survive grey print.
+DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (5, 1.6, 1.2, 1.6)), (0, (1.4, 1.4)))
+INK, FAINT, GRID = "#222222", "#8A8A8A", "#E3E3E3"
+
+CSS_DPI = 96  # an inch on the page
+PNG_DPI = 120  # of the saved picture, which is shown smaller, at CSS_DPI: crisp on a dense screen too
+PNG_BYTES = 60_000
+
+STYLE = {
+    "font.family": "DejaVu Sans", "font.size": 10.0, "mathtext.fontset": "dejavusans", "axes.unicode_minus": True, "text.usetex": False,
+    "figure.facecolor": "white", "savefig.facecolor": "auto", "savefig.edgecolor": "auto", "savefig.bbox": None, "savefig.transparent": False,
+    "axes.facecolor": "white", "axes.edgecolor": FAINT, "axes.linewidth": 0.8, "axes.labelcolor": INK, "axes.titlecolor": INK,
+    "axes.titlesize": 11.0, "axes.titlelocation": "left", "axes.titleweight": "normal", "axes.labelsize": 11.0,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5), "axes.xmargin": 0.0, "axes.ymargin": 0.08, "grid.color": GRID, "grid.linewidth": 0.7, "grid.linestyle": "-",
+    "xtick.color": FAINT, "ytick.color": FAINT, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.labelsize": 9.5, "ytick.labelsize": 9.5,
+    "xtick.direction": "out", "ytick.direction": "out", "legend.frameon": False, "legend.fontsize": 9.5, "legend.handlelength": 2.0,
+    "legend.columnspacing": 1.4, "legend.handletextpad": 0.5, "legend.labelcolor": INK, "text.color": INK, "lines.linewidth": 1.6,
+    "lines.solid_capstyle": "round", "lines.solid_joinstyle": "round", "patch.linewidth": 1.0, "path.simplify": True, "path.simplify_threshold": 1 / 9,
+}
+
+GREEK = frozenset(
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi omega "
+    "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
+)
+
+VEIL = {"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}  # behind moving words: a halo takes 6 ms
+HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
+
+
+class HouseAxes(Axes):
+    """Axes whose later titles and legends have the house style too, not only what is there from the start."""
+
+    def set_title(self, *arguments: Any, **options: Any) -> Any:
+        with style():
+            return super().set_title(*arguments, **options)
+
+    def legend(self, *arguments: Any, **options: Any) -> Any:
+        with style():
+            return super().legend(*arguments, **options)
+
+
+class Figure(matplotlib.figure.Figure):
+    """A Matplotlib figure that shows itself in a cell as a palette PNG with the same bytes every time. Made by `figure`."""
+
+    def add_subplot(self, *arguments: Any, **options: Any) -> Axes:
+        """fig.add_subplot(projection="polar"): as Matplotlib's, in the house style."""
+        if not {"projection", "polar", "axes_class"} & set(options):
+            options["axes_class"] = HouseAxes
+        with style():
+            return super().add_subplot(*arguments, **options)
+
+    def png(self, dpi: float = PNG_DPI) -> bytes:
+        """fig.png() -> the picture as PNG bytes: a palette, no date, no version; artists marked animated included."""
+        buffer = io.BytesIO()
+        with rc_context(STYLE):
+            self.savefig(buffer, format="rgba", dpi=dpi)  # the saving path: it draws animated artists as well
+        width = int(self.get_figwidth() * dpi + 0.5)
+        pixels = buffer.tell() // 4  # Matplotlib's own rounding may differ by one pixel from ours
+        width = next(w for w in (width, width - 1, width + 1) if pixels % w == 0 and abs(pixels / w - self.get_figheight() * dpi) < 1.5)
+        rgb = Image.frombuffer("RGBA", (width, pixels // width), buffer.getvalue()).convert("RGB")
+        return _palette_png(rgb)
+
+    def save_png(self, path: str | os.PathLike, dpi: float = PNG_DPI) -> Path:
+        """fig.save_png("spiral.png") -> path; written whole or not at all, ModelError when that fails."""
+        return _write(path, self.png(dpi))
+
+    @property
+    def css_size(self) -> tuple[int, int]:
+        """Width and height in CSS pixels at which a page shows the picture."""
+        width, height = self.get_size_inches()
+        return round(width * CSS_DPI), round(height * CSS_DPI)
+
+    def _repr_png_(self) -> bytes:
+        return self.png()
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> tuple[dict[str, Any], dict[str, Any]]:
+        width, height = self.css_size
+        return {"image/png": self.png()}, {"image/png": {"width": width, "height": height}}
+
+
+def _palette_png(rgb: Image.Image) -> bytes:
+    """As many colours as fit into PNG_BYTES, of 128, 64, 32, 20 (and with 20 whatever it takes).
+
+    The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum coverage, which keeps
+    the hue of a single thin line where median cut spends the palette on shades of the background.
+    """
+    counted = sorted(rgb.getcolors(rgb.width * rgb.height), key=lambda pair: (-pair[0], pair[1]))
+    found = np.array([color for _, color in counted], dtype=np.int32)
+    key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
+    place = np.zeros(1 << 24, dtype=np.uint8)  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
+    for colors in (128, 64, 32, 20):
+        rest = rgb.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+        table = np.concatenate([found[: colors // 2], np.array(rest, dtype=np.int32).reshape(-1, 3)[: colors // 2]])
+        for part in np.array_split(found, len(found) // 4096 + 1):
+            place[part @ [1 << 16, 1 << 8, 1]] = ((part[:, None, :] - table) ** 2).sum(axis=2).argmin(axis=1)
+        picture = Image.fromarray(place[key], "P")
+        picture.putpalette(table.astype(np.uint8).tobytes())
+        out = io.BytesIO()
+        picture.save(out, "PNG", optimize=True)
+        if out.tell() <= PNG_BYTES:
+            break
+    return out.getvalue()
+
+
+def figure(rows: int = 1, columns: int = 1, width: float = 9.0, height: float = 4.0, *, sharex: bool | str = False, sharey: bool | str = False,
+           heights: Sequence[float] | None = None, widths: Sequence[float] | None = None, title: str = "") -> Figure:
+    """figure(2, 1, height=5) -> Figure with rows × columns axes in fig.axes (row by row), constrained layout, house style.
+
+    width, height in inches, 96 CSS pixels each; `heights` and `widths` are relative sizes of the rows and columns.
+    rows=0 gives an empty figure. Raises ModelError for sizes that make no picture.
+    """
+    if not (1 <= width <= 40 and 0.5 <= height <= 60):
+        raise ModelError(f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in 0.5 … 60")
+    if rows < 0 or columns < 0 or rows * columns > 100:
+        raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
+    with style():
+        fig = Figure(figsize=(width, height), dpi=PNG_DPI, layout="constrained")
+        FigureCanvasAgg(fig)
+        if rows * columns:
+            fig.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False,
+                         gridspec_kw={"height_ratios": heights, "width_ratios": widths})
+        if title:
+            fig.suptitle(title, x=0.01, ha="left", fontsize=12)
+    return fig
+
+
+def style() -> Any:
+    """with style(): artists made inside have the house style; the user's rcParams are as before afterwards."""
+    return rc_context({**STYLE, "axes.prop_cycle": matplotlib.cycler(color=COLORS)})
+
+
+def mode_colors(system: System) -> dict[str, str]:
+    """mode_colors(system)["slip"] -> the colour that this mode has in every picture: by its place in system.modes."""
+    return {name: COLORS[i % len(COLORS)] for i, name in enumerate(system.modes)}
+
+
+def tint(color: str, strength: float = 0.15) -> tuple[float, float, float]:
+    """tint("#D55E00") -> the colour mixed with white: opaque, so that it looks the same whatever lies beneath."""
+    return tuple(1 - strength * (1 - c) for c in to_rgb(color))  # type: ignore[return-value]
+
+
+def symbol(name: str) -> str:
+    """symbol("theta1") -> "$\\\\theta_{1}$": a state's name as it stands in a formula."""
+    head, _, tail = name.partition("_")
+    if not tail and len(digits := head.rstrip("0123456789")) < len(head) and digits:
+        head, tail = digits, head[len(digits):]
+    elif not tail and len(head) == 2 and head not in GREEK and head[0].islower() and head[1].isupper():
+        head, tail = head[0], head[1]  # iL, vC: an index in capitals
+    base = f"\\{head}" if head in GREEK else head if len(head) == 1 else rf"\mathrm{{{head}}}"
+    if not tail:
+        return f"${base}$"
+    index = f"\\{tail}" if tail in GREEK else tail if len(tail) == 1 or tail.isdigit() else rf"\mathrm{{{tail.replace('_', ',')}}}"
+    return f"${base}_{{{index}}}$"
+
+
+def label(system: System, *names: str) -> str:
+    """label(system, "x", "V") -> "$x$ [m], $V$ [m/s]"; one unit for all of them is written once."""
+    units = [system.unit(name) for name in names]
+    if len(set(units)) == 1:
+        return ", ".join(map(symbol, names)) + (f" [{units[0]}]" if units[0] else "")
+    return ", ".join(symbol(name) + (f" [{unit}]" if unit else "") for name, unit in zip(names, units, strict=True))
+
+
+def head(axes: Axes, title: str, entries: Sequence[tuple[Artist, str]]) -> None:
+    """head(axes, "ball", [(line, "$y$")]): a title and, above the axes so that it never hides a curve, a legend.
+
+    Side by side where both fit into the width of the axes, else the title stands above the legend. Widths are estimates.
+    """
+    room = 1.15 * axes.get_position().width * axes.get_figure().get_figwidth()  # the layout widens the axes later
+    widths = [0.07 * len(re.sub(r"\\mathrm|[${}_]|(?<=\\\w)\w*", "", text)) + 0.5 for _, text in entries]
+    columns = max(1, min(len(entries), int(room / max(widths, default=1.0))))
+    with style():
+        beside = 0.085 * len(title) + sum(widths) < room
+        axes.set_title(title, loc="left", pad=None if beside or not title else 6 + 16 * -(-len(entries) // columns))
+        if entries:
+            axes.legend(*zip(*entries, strict=True), loc="lower right" if beside else "lower left", bbox_to_anchor=(1.0, 1.0) if beside else (0.0, 1.0),
+                        ncols=len(entries) if beside else columns, borderaxespad=0.2, borderpad=0.2)

@@ -1,0 +1,341 @@
+"""The layers of a phase portrait. Each keeps its artists and can `redo()` them for other parameters or limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.lines import Line2D
+
+from ..model import ModelError
+from ..run import Run, Runs
+from .figure import FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
+from .plane import GRID, Limits, Plane, contour, find_equilibria
+from .time import _jumps, _segments
+from .view import View
+
+__all__ = ["DirectionField", "Equilibria", "GuardLines", "Layer", "Nullclines", "Trajectories"]
+
+
+class Layer(View):
+    """One layer over the plane of two states, alone or as a part of a portrait; legend() names what it shows."""
+
+    def __init__(self, axes: Axes, plane: Plane):
+        self.axes, self.plane, self.figure = axes, plane, axes.get_figure()
+        self.colors = mode_colors(plane.system)
+        self.artists: list[Artist] = []
+
+    @property
+    def limits(self) -> Limits:
+        return tuple(sorted(map(float, self.axes.get_xlim()))), tuple(sorted(map(float, self.axes.get_ylim())))  # type: ignore[return-value]
+
+    @property
+    def shape(self) -> float:
+        """Width of the axes over their height, on paper."""
+        box, (width, height) = self.axes.get_position(), self.figure.get_size_inches()
+        return float(box.width * width / (box.height * height))
+
+    def _add(self, artist: Any) -> Any:
+        self.axes.add_artist(artist)
+        self.artists.append(artist)
+        return artist
+
+    def _mode_color(self, mode: str) -> str:
+        return self.colors[mode] if len(self.colors) > 1 else FAINT
+
+    def redo(self) -> None:
+        raise NotImplementedError
+
+    def update(self, run: Run | Runs) -> None:
+        """layer.update(run): the layer for the parameters of another run."""
+        self.plane.p = run.p if isinstance(run, Run) else run.p[0]
+        self.redo()
+
+    def legend(self) -> list[tuple[Artist, str]]:
+        return []
+
+
+class DirectionField(Layer):
+    """Arrows of one length along (dx/dt, dy/dt), in the colour of the mode that holds there; none at rest or where no mode holds."""
+
+    def __init__(self, axes: Axes, plane: Plane, points: int = 15):
+        super().__init__(axes, plane)
+        self.points = points
+        self.lines = [self._add(Line2D([], [], color=self._mode_color(mode), linewidth=0.8, alpha=0.55, zorder=1.2, solid_joinstyle="miter")) for mode in plane.modes]
+        self.redo()
+
+    def redo(self) -> None:
+        rows = self.points
+        columns = min(max(round(rows * self.shape), 5), 60)
+        (x0, x1), (y0, y1) = self.limits
+        X, Y = (a.ravel() for a in np.meshgrid(x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0), y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0)))
+        governing = self.plane.governing(X, Y)
+        for i, (mode, line) in enumerate(zip(self.plane.modes, self.lines, strict=True)):
+            here = governing == i
+            x, y = X[here], Y[here]
+            if not len(x):
+                line.set_data([], [])
+                continue
+            f, g = self.plane.flow(mode, x, y)
+            # Directions on paper: in units of the axes' height. Lengths there are alike, whatever the units of x and y are.
+            a, b = f / (x1 - x0) * self.shape, g / (y1 - y0)
+            speed = np.hypot(a, b)
+            with np.errstate(all="ignore"):
+                a, b = (np.where(speed > 0, v / speed, 0.0 * speed) for v in (a, b))
+            length = 0.62 / rows
+            place = np.column_stack([(x - x0) / (x1 - x0) * self.shape, (y - y0) / (y1 - y0)])
+            way, across = length * np.column_stack([a, b]), length * np.column_stack([-b, a])
+            tail, tip = place - 0.5 * way, place + 0.5 * way
+            barb = 0.28
+            left, right = (tip - barb * way + side * 0.6 * barb * across for side in (1, -1))
+            strokes = np.stack([tail, tip, left, tip, right, np.full_like(tip, np.nan)], axis=1).reshape(-1, 2)
+            line.set_data(x0 + strokes[:, 0] / self.shape * (x1 - x0), y0 + strokes[:, 1] * (y1 - y0))
+
+
+class Nullclines(Layer):
+    """The curves dx/dt = 0 (dotted) and dy/dt = 0 (dash-dotted), each in the region where its mode holds."""
+
+    def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
+        super().__init__(axes, plane)
+        self.points = points
+        looks = ((0, (1.2, 1.6)), (0, (6, 1.8, 1.2, 1.8)))
+        self.lines = [self._add(Line2D([], [], color=INK, linewidth=1.1, alpha=0.75, linestyle=look, zorder=2)) for look in looks]
+        self.redo()
+
+    def redo(self) -> None:
+        curves: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+        for i, mode in enumerate(self.plane.modes):
+            if not self.plane.is_plane(mode):
+                continue
+            values = self.plane.flow_on_grid(mode, self.limits, self.points)
+            for k in (0, 1):
+                curves[k].extend(contour(lambda x, y, k=k, mode=mode: self.plane.flow(mode, x, y)[k], self.limits, self.points, values[k],
+                                         keep=lambda x, y, i=i: self.plane.governing(x, y) == i))
+        for line, found in zip(self.lines, curves, strict=True):
+            line.set_data(*_strung(found))
+
+    def legend(self) -> list[tuple[Artist, str]]:
+        names = [rf"d{symbol(name)}/d$t$ = 0" for name in (self.plane.x, self.plane.y)]
+        return [(Line2D([], [], color=INK, linewidth=1.1, alpha=0.75, linestyle=line._unscaled_dash_pattern), name) for line, name in zip(self.lines, names, strict=True)]
+
+
+class Equilibria(Layer):
+    """Equilibria with their type in words: stable full, unstable empty, centre grey, saddle a cross. `found` lists them."""
+
+    def __init__(self, axes: Axes, plane: Plane, words: int = 8):
+        super().__init__(axes, plane)
+        look = {"linestyle": "none", "zorder": 6, "markersize": 8, "markeredgecolor": INK, "markeredgewidth": 1.4}
+        marks = (("stable", "o", INK), ("unstable", "o", "white"), ("centre", "o", "#B5B5B5"), ("saddle", "X", "white"), ("", "s", "white"))
+        self.marks = {kind: self._add(Line2D([], [], marker=marker, markerfacecolor=face, **look)) for kind, marker, face in marks}  # type: ignore[arg-type]
+        self.words = []
+        for _ in range(words):
+            text = axes.annotate("", (0, 0), xytext=(9, 9), textcoords="offset points", fontsize=9.5, zorder=7, bbox=VEIL, annotation_clip=True)
+            text.set_in_layout(False)
+            self.words.append(text)
+        self.artists += self.words
+        self.redo()
+
+    def redo(self) -> None:
+        (x0, x1), (y0, y1) = limits = self.limits
+        self.found = find_equilibria(self.plane, limits)
+        for kind, mark in self.marks.items():
+            mine = [(x, y) for x, y, _, word in self.found if kind == next(k for k in self.marks if word.startswith(k))]
+            mark.set_data([x for x, _ in mine], [y for _, y in mine])
+        taken: list[tuple[float, float, float, float]] = []
+        for text, (x, y, _, kind) in zip(self.words, self.found, strict=False):
+            place = f"({x:.4g}, {y:.4g})".replace("-", "−")
+            words = f"{kind}\n{place}" if len(self.found) <= 3 else kind.replace(" ", "\n", 1)  # short where the marks stand close
+            side, up = self._free_corner((x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken)
+            text.set(text=words, visible=True, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top")
+            text.xy = (x, y)
+            text.set_position((9 * side, 7 * up))
+        for text in self.words[len(self.found):]:
+            text.set_visible(False)
+
+    def _free_corner(self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]) -> tuple[int, int]:
+        """The corner of a mark where its words meet neither the edge of the picture nor words that are there; sizes are estimates."""
+        box, (width, height) = self.axes.get_position(), self.figure.get_size_inches()
+        w, h = 0.075 * letters / (box.width * width), 0.36 / (box.height * height)
+        corners = [(side, up, min(x, x + side * w), min(y, y + up * h)) for up in (1, -1) for side in (1, -1)]
+
+        def clashes(a: float, b: float) -> float:
+            return 10.0 * (a < 0 or b < 0 or a + w > 1 or b + h > 1) + sum(c - w < a < c + e and abs(b - d) < 0.95 * h for c, d, e, _ in taken)
+
+        side, up, a, b = min(corners, key=lambda corner: clashes(corner[2], corner[3]))
+        taken.append((a, b, w, h))
+        return side, up
+
+
+class GuardLines(Layer):
+    """Where the guards of the shown modes are zero: dashed, in the mode's colour, with the name of the transition.
+
+    Guards that change with time have no fixed line; `omitted` names them.
+    """
+
+    def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
+        super().__init__(axes, plane)
+        self.points = points
+        self.lines = {mode: self._add(Line2D([], [], color=self._mode_color(mode), linewidth=1.3, linestyle=(0, (5, 2.5)), zorder=2.5))
+                      for mode in plane.modes}
+        self.words = {}
+        for mode in plane.modes:
+            for i in plane.system.leaving[mode]:
+                if plane.system.transitions[i].guard is not None:
+                    text = axes.annotate("", (0, 0), xytext=(4, -4), textcoords="offset points", fontsize=9, zorder=6.5, bbox=VEIL,
+                                         color=self.lines[mode].get_color(), annotation_clip=True)
+                    text.set_in_layout(False)
+                    self.words[mode, i] = text
+        self.artists += self.words.values()
+        self.redo()
+
+    def redo(self) -> None:
+        limits, self.omitted = self.limits, []
+        taken: list[tuple[float, float]] = []
+        for mode, line in self.lines.items():
+            curves = []
+            for i in self.plane.system.leaving[mode]:
+                if (mode, i) not in self.words:
+                    continue
+                transition, text = self.plane.system.transitions[i], self.words[mode, i]
+                found: list[np.ndarray] = []
+                if self.plane.guard_depends_on_time(transition, mode, limits):
+                    self.omitted.append(transition.name)
+                else:
+                    found = contour(lambda x, y, tr=transition, mode=mode: self.plane.guard(tr, mode, x, y), limits, self.points)
+                curves += found
+                self._name(text, transition.name, found, taken)
+            line.set_data(*_strung(curves))
+
+    def _name(self, text: Any, name: str, curves: Sequence[np.ndarray], taken: list[tuple[float, float]]) -> None:
+        """Puts the name beside the longest line: at the top of a steep one, at the right end of a flat one, clear of names that are there."""
+        text.set_visible(bool(curves))
+        if not curves:
+            return
+        (x0, x1), (y0, y1) = self.limits
+        unit = [(c - (x0, y0)) / (x1 - x0, y1 - y0) for c in curves]
+        curve = max(unit, key=lambda c: np.ptp(c, axis=0).max())
+        steep = np.ptp(curve[:, 1]) > np.ptp(curve[:, 0])
+        axis = 1 if steep else 0
+        aim = curve[:, axis].max()
+        while True:
+            spot = curve[np.argmin(np.abs(curve[:, axis] - aim))]
+            if aim < curve[:, axis].min() + 0.1 or all(abs(spot[0] - a) > 0.3 or abs(spot[1] - b) > 0.06 for a, b in taken):
+                break
+            aim -= 0.07 if steep else 0.25
+        taken.append((float(spot[0]), float(spot[1])))
+        text.xy = (x0 + spot[0] * (x1 - x0), y0 + spot[1] * (y1 - y0))
+        left = not steep or spot[0] > 0.7
+        text.set(text=name, ha="right" if left else "left", va="top" if steep or spot[1] > 0.93 else "bottom")
+        text.set_position((-5 if left else 5, -5 if steep or spot[1] > 0.93 else 4))
+
+
+class Trajectories(Layer):
+    """Trajectories in the colours of their modes, with dashed jumps, dots at the starts and arrows along the way."""
+
+    def __init__(self, axes: Axes, plane: Plane, runs: Run | Runs, bold: bool = False, arrows: bool = True):
+        super().__init__(axes, plane)
+        self.runs, self.arrows = runs, arrows
+        self.keys = list(plane.system.modes)
+        width, z = (2.2, 5.0) if bold else (0.9, 3.0)
+        alone = len(self.keys) == 1
+        self.jumps = self._add(Line2D([], [], color=INK, linewidth=1.1 if bold else 0.6, alpha=0.8 if bold else 0.5, linestyle=(0, (3, 2)), zorder=z - 0.1))
+        colors = {key: (INK if bold else color) if alone else color for key, color in self.colors.items()}
+        self.lines = [self._add(Line2D([], [], color=color, linewidth=width, alpha=1.0 if bold else 0.85, zorder=z)) for color in colors.values()]
+        self.heads = self._add(PolyCollection([], linewidths=0, zorder=z + 0.1, closed=True))
+        self.head_colors = np.array(list(colors.values()))
+        self.starts = self._add(Line2D([], [], linestyle="none", marker="o", markersize=6 if bold else 3.2, markerfacecolor="white", markeredgecolor=INK,
+                                       markeredgewidth=1.3 if bold else 0.8, zorder=z + 0.2))
+        self.size = 0.034 if bold else 0.024
+        self.set(runs)
+
+    def update(self, run: Run | Runs) -> None:
+        """layer.update(runs): other trajectories in the same artists."""
+        self.set(run)
+
+    def redo(self) -> None:
+        self.set(self.runs)
+
+    def set(self, runs: Run | Runs) -> None:
+        self.runs = runs
+        X, Y = runs[self.plane.x], runs[self.plane.y]
+        t, modes = runs.t, runs.mode_index
+        if isinstance(runs, Run):
+            X, Y, t, modes = X[None], Y[None], t[None], modes[None]
+        gap = np.full((len(X), 1), np.nan)
+        x, y, time = (np.hstack([a, gap]).ravel() for a in (X, Y, t))
+        mode = np.hstack([modes, np.full((len(X), 1), -1)]).ravel()
+        at = _jumps(time, x, y)
+        self.jumps.set_data(_segments(x[at], x[at + 1]), _segments(y[at], y[at + 1]))
+        jumping = np.zeros(len(x), dtype=bool)
+        jumping[at] = True
+        for i, line in enumerate(self.lines):
+            here = np.flatnonzero(mode == i)
+            cuts = np.flatnonzero((np.diff(here) > 1) | jumping[here[:-1]]) + 1
+            line.set_data(np.insert(x[here], cuts, np.nan), np.insert(y[here], cuts, np.nan))
+        self.starts.set_data(X[:, 0], Y[:, 0])
+        if self.arrows:
+            self._put_arrows(X, Y, modes)
+
+    def _put_arrows(self, X: np.ndarray, Y: np.ndarray, modes: np.ndarray) -> None:
+        """Arrow heads at set distances along each trajectory, as measured on paper, where it is inside the picture."""
+        (x0, x1), (y0, y1) = self.limits
+        shape, size = self.shape, self.size
+        x, y = (X - x0) / (x1 - x0) * shape, (Y - y0) / (y1 - y0)
+        dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
+        step = np.hypot(dx, dy)
+        inside = (x > 0) & (x < shape) & (y > 0) & (y < 1)
+        step = np.where(np.isfinite(step) & inside[:, :-1], step, 0.0)
+        way = np.cumsum(step, axis=1)
+        lanes = np.arange(len(X))
+        heads, colors = [], []
+        for share in (0.12, 0.45, 0.9) if len(X) < 60 else (0.2,):
+            k = np.minimum((way < share).sum(axis=1), step.shape[1] - 1)
+            use = (way[:, -1] > share + size) & (step[lanes, k] > 0) & (step[lanes, k] < 0.2)
+            k, lane = k[use], lanes[use]
+            across = np.column_stack([dx[lane, k], dy[lane, k]]) / step[lane, k][:, None]
+            tip = np.column_stack([x[lane, k], y[lane, k]]) + 0.5 * size * across
+            side = 0.38 * size * np.column_stack([-across[:, 1], across[:, 0]])
+            heads.append(np.stack([tip, tip - size * across + side, tip - size * across - side], axis=1))
+            colors.append(modes[lane, k])
+        polygons = np.concatenate(heads)
+        polygons = np.stack([x0 + polygons[..., 0] / shape * (x1 - x0), y0 + polygons[..., 1] * (y1 - y0)], axis=-1)
+        self.heads.set_verts(polygons)
+        self.heads.set_facecolor(list(self.head_colors[np.concatenate(colors)]) or "none")
+
+    def legend(self) -> list[tuple[Artist, str]]:
+        return [(Line2D([], [], color=color, linewidth=1.8), mode) for mode, color in self.colors.items()] if len(self.colors) > 1 else []
+
+
+def _strung(curves: Sequence[np.ndarray]) -> np.ndarray:
+    """Many polylines -> x and y of one, with NaN between them."""
+    if not curves:
+        return np.empty((2, 0))
+    return np.concatenate([part for curve in curves for part in (curve, [[np.nan, np.nan]])]).T
+
+
+def stage(plane: Plane, axes: Axes | None, limits: Limits | None, width: float = 7.5, height: float = 5.2) -> Axes:
+    """Axes for a portrait: labelled, with the limits; `limits` may be left out for axes that have theirs already."""
+    for pair in limits or ():
+        if len(pair) != 2 or not (np.all(np.isfinite(pair)) and pair[0] < pair[1]):
+            raise ModelError(f"limits are ((x low, x high), (y low, y high)) with low < high, not {limits!r}")
+    if axes is None:
+        if limits is None:
+            raise ModelError("limits are missing: give limits=((x low, x high), (y low, y high)), or axes=")
+        axes = figure(width=width, height=height).axes[0]
+    with style():
+        axes.set_xlabel(label(plane.system, plane.x))
+        axes.set_ylabel(label(plane.system, plane.y))
+    if limits is not None:
+        axes.set_xlim(*limits[0])
+        axes.set_ylim(*limits[1])
+    return axes
+
+
+def layer(kind: type[Layer], system: Any, x: str | None, y: str | None, axes: Axes | None, limits: Limits | None, mode: str | None, t: float,
+          at: Mapping[str, float] | None, parameters: Mapping[str, float], **options: Any) -> Any:
+    plane = Plane(system, x, y, mode=mode, t=t, at=at, p=system.values(parameters))
+    return kind(stage(plane, axes, limits), plane, **options)

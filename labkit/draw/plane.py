@@ -1,0 +1,247 @@
+"""The mathematics behind a phase portrait: flows, guards and modes over the plane of two states. Nothing is drawn here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from contourpy import contour_generator
+
+from ..linear import classify
+from ..model import ModelError, System, Transition, listed
+
+__all__ = ["Plane", "contour", "find_equilibria"]
+
+Limits = tuple[tuple[float, float], tuple[float, float]]
+GRID = 49  # points along each side for nullclines, guard lines and the search for equilibria
+
+
+class Plane:
+    """Plane(system, "x", "v"): evaluates flows and guards at points of the (x, v) plane, arrays of any shape.
+
+    mode   the mode whose flow counts; left out: at each point the one that system.mode chooses there when it is a function, else the start mode
+    t      the instant, for flows that depend on it
+    at     values of all further states of a larger system (default: system.start)
+    Raises ModelError for unknown names and when no mode has both states.
+    """
+
+    def __init__(self, system: System, x: str | None = None, y: str | None = None, *, mode: str | None = None, t: float = 0.0,
+                 at: Mapping[str, float] | None = None, p: tuple | None = None):
+        self.system, self.t = system, t
+        self.x, self.y = x or system.states[0], y or next((name for name in system.states if name != (x or system.states[0])), "")
+        if not self.y:
+            raise ModelError(f"a phase portrait needs two states; {system.name!r} has {listed(system.units)}")
+        for name in (self.x, self.y, *(at or {})):
+            if name not in system.units:
+                raise ModelError(f"{name!r} is not a state of {system.name!r}; there are {listed(system.units)}")
+        able = [key for key in system.modes if {self.x, self.y} <= set(system.states_of(key))]
+        if mode is not None and mode not in able:
+            raise ModelError(f"mode {mode!r} has no plane ({self.x}, {self.y}); modes with both states: {listed(able)}")
+        if not able:
+            raise ModelError(f"no mode of {system.name!r} has both states {self.x!r} and {self.y!r}")
+        self.chosen = mode or (None if callable(system.mode) and len(able) > 1 else system.mode if system.mode in able else able[0])
+        #: modes whose flow is shown somewhere
+        self.modes = able if self.chosen is None else [self.chosen]
+        self.values = {**system.start, **(at or {})}
+        self.p = system.values() if p is None else p
+        self._templates: dict[str, tuple[list, int, int]] = {}
+        self._kept: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
+
+    def is_plane(self, mode: str) -> bool:
+        """True when the mode has no states beside the two, so that its equilibria and nullclines lie in the plane."""
+        return set(self.system.states_of(mode)) == {self.x, self.y}
+
+    def _template(self, mode: str) -> tuple[list, int, int]:
+        """The mode's states at their values beside the plane, and where x and y belong."""
+        if mode not in self._templates:
+            names = self.system.states_of(mode)
+            if missing := [name for name in names if name not in self.values and name not in (self.x, self.y)]:
+                raise ModelError(f"the portrait needs a value of {listed(missing)}: give at={{{missing[0]!r}: …}}")
+            self._templates[mode] = [self.values.get(name) for name in names], names.index(self.x), names.index(self.y)
+        return self._templates[mode]
+
+    def _state(self, mode: str, x: float | np.ndarray, y: float | np.ndarray) -> tuple:
+        template, i, k = self._template(mode)
+        state = template.copy()
+        state[i], state[k] = x, y
+        return self.system.S[mode](*state)
+
+    def _evaluate(self, function: Callable, mode: str, X: np.ndarray, Y: np.ndarray, width: int, t: float | None = None) -> np.ndarray:
+        """function(t, s, p) at all points -> (width, points). All points at once where the function can (and then gives the
+        same as one by one, which is tried), else one by one: model functions may branch or use math.sin."""
+        x, y, t = np.ravel(X).astype(float), np.ravel(Y).astype(float), self.t if t is None else t
+        state, p = self._state, self.p
+
+        def one(i: int) -> tuple:
+            try:
+                value = function(t, state(mode, float(x[i]), float(y[i])), p)  # type: ignore[arg-type]
+            except (ZeroDivisionError, OverflowError, ValueError) as error:
+                if isinstance(error, ModelError):
+                    raise
+                return (np.nan,) * width
+            return tuple(value) if width > 1 else (value,)
+
+        if len(x) > 16:
+            try:
+                with np.errstate(all="ignore"):
+                    value = function(t, state(mode, x, y), p)
+                    result = np.array([np.broadcast_to(np.asarray(v, dtype=float), x.shape) for v in (value if width > 1 else (value,))])
+                probe = np.linspace(0, len(x) - 1, 7).astype(int)
+                if np.allclose(result[:, probe].T, [one(i) for i in probe], rtol=1e-12, atol=0, equal_nan=True):
+                    return result
+            except (TypeError, ValueError, AttributeError):
+                pass
+        rows = np.array([one(i) for i in range(len(x))]).reshape(len(x), width).T
+        return np.where(np.imag(rows) == 0, np.real(rows), np.nan).astype(float)  # (-1.0) ** 0.5 is complex in Python
+
+    def flow(self, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """plane.flow("slip", X, Y) -> dx/dt, dy/dt, of the shape of X; NaN where the flow has no value."""
+        names = self.system.states_of(mode)
+        rates = self._evaluate(self.system.modes[mode].flow, mode, X, Y, len(names), t)
+        return rates[names.index(self.x)].reshape(np.shape(X)), rates[names.index(self.y)].reshape(np.shape(X))
+
+    def rates(self, mode: str, x: float, y: float) -> tuple[float, float]:
+        """As flow, for one point and fast; NaN where the flow has no value."""
+        _, i, k = self._template(mode)
+        try:
+            f = self.system.modes[mode].flow(self.t, self._state(mode, x, y), self.p)
+        except (ZeroDivisionError, OverflowError, ValueError):
+            return np.nan, np.nan
+        return (f[i], f[k]) if isinstance(f[i] + f[k], float | int) else (np.nan, np.nan)  # type: ignore[index]
+
+    def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """As flow, on a grid of count × count points; kept for the layers that ask again."""
+        key = (mode, limits, count, tuple(self.p), self.t)
+        if key not in self._kept:
+            if len(self._kept) > 12:
+                self._kept.clear()
+            self._kept[key] = self.flow(mode, *grid(limits, count))
+        return self._kept[key]
+
+    def guard(self, transition: Transition, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None) -> np.ndarray:
+        assert transition.guard is not None
+        return self._evaluate(transition.guard, mode, X, Y, 1, t)[0].reshape(np.shape(X))
+
+    def governing(self, X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+        """plane.governing(X, Y) -> position in plane.modes of the mode that holds at each point, −1 where none of them does.
+
+        A mode does not hold beyond a directed guard of its own: `simulate` refuses to start there.
+        """
+        x, y = np.ravel(X).astype(float), np.ravel(Y).astype(float)
+        if self.chosen is None:
+            kind = self.system.S[next(iter(self.system.modes))]
+            place = {name: i for i, name in enumerate(self.modes)}
+            rest = {name: self.values.get(name, np.nan) for name in kind._fields}
+            states = (kind(**{**rest, self.x: a, self.y: b}) for a, b in zip(x.tolist(), y.tolist(), strict=True))
+            found = np.array([place.get(self.system.mode(self.t, s, self.p), -1) for s in states], dtype=int)  # type: ignore[operator, arg-type]
+        else:
+            found = np.zeros(len(x), dtype=int)
+        size = 1 + np.maximum(np.abs(x), np.abs(y))
+        for i, mode in enumerate(self.modes):
+            for k in self.system.leaving[mode]:
+                tr = self.system.transitions[k]
+                if tr.guard is not None and tr.direction and not tr.urgent and (tr.target != mode or tr.reset is not None):
+                    beyond = tr.direction * self.guard(tr, mode, x, y) - tr.tolerance > 1e-9 * size
+                    found[(found == i) & beyond] = -1
+        return found.reshape(np.shape(X))
+
+    def depends_on_time(self, limits: Limits, horizon: float = 10.0) -> bool:
+        """True when a flow shown takes other values at other instants: then nullclines and equilibria mean nothing."""
+        X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
+        for mode in self.modes:
+            first = np.array(self.flow(mode, X, Y))
+            for share in (0.137, 0.411, 0.773):
+                if not np.allclose(first, self.flow(mode, X, Y, self.t + share * (horizon or 10.0)), rtol=1e-9, atol=0, equal_nan=True):
+                    return True
+        return False
+
+    def guard_depends_on_time(self, transition: Transition, mode: str, limits: Limits) -> bool:
+        X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
+        return not np.allclose(self.guard(transition, mode, X, Y), self.guard(transition, mode, X, Y, self.t + 1.2345), rtol=1e-9, atol=0, equal_nan=True)
+
+
+def grid(limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.meshgrid(*(np.linspace(low, high, count) for low, high in limits))
+
+
+def contour(function: Callable[[np.ndarray, np.ndarray], np.ndarray], limits: Limits, count: int = GRID, values: np.ndarray | None = None,
+            keep: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> list[np.ndarray]:
+    """contour(f, limits) -> the curves f(x, y) = 0 as polylines, each an array (k, 2); keep(x, y) drops points outside a region.
+
+    `values` are f on the count × count grid where they are known already.
+
+    A function that *jumps* through zero (a relay) is no zero: there the function itself, evaluated on the curve, is not
+    smaller than at the nodes around, and such points are dropped. An identically vanishing function has no curves.
+    """
+    X, Y = grid(limits, count)
+    Z = function(X, Y) if values is None else values
+    good = np.isfinite(Z)
+    if not good.any() or not np.any(Z[good]):
+        return []
+    lines = [np.asarray(line) for line in contour_generator(X, Y, np.ma.masked_where(~good, Z)).lines(0.0)]
+    if not lines:
+        return []
+    points = np.concatenate(lines)
+    column, row = (np.clip(((points[:, k] - low) / (high - low) * (count - 1)).astype(int), 0, count - 2) for k, (low, high) in enumerate(limits))
+    around = np.max([np.abs(Z[row + i, column + k]) for i in (0, 1) for k in (0, 1)], axis=0)
+    fine = ~(np.abs(function(points[:, 0], points[:, 1])) > 0.3 * around)
+    if keep is not None:
+        fine &= keep(points[:, 0], points[:, 1])
+    kept = []
+    for line, use in zip(lines, np.split(fine, np.cumsum([len(line) for line in lines])[:-1]), strict=True):
+        cuts = np.flatnonzero(np.diff(use.astype(int))) + 1
+        kept += [part for part, whole in zip(np.split(line, cuts), np.split(use, cuts), strict=True) if whole[0] and len(part) > 1]
+    return kept
+
+
+def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> list[tuple[float, float, str, str]]:
+    """find_equilibria(plane, limits) -> [(x, y, mode, type in words), …] inside the limits, sorted; of plane modes only.
+
+    Powell's hybrid method (scipy.optimize.root) from a 3 × 3 grid and from every cell where both rates change sign; a root counts when
+    both rates are below 1e-9 of their largest in the picture, it lies inside and its mode holds there; roots closer than 1e-4 of the picture
+    are one. The Jacobian comes from five-point differences (error about 1e-12 of the rates), `tolerance` goes to `classify`.
+    """
+    from scipy.optimize import root  # takes longest of all imports here: only when it is needed
+
+    (x0, x1), (y0, y1) = limits
+    size = np.array([x1 - x0, y1 - y0])
+    found: list[tuple[float, float, str, str]] = []
+    for index, mode in enumerate(plane.modes):
+        if not plane.is_plane(mode):
+            continue
+        F, G = plane.flow_on_grid(mode, limits, GRID)
+        scale = np.array([np.nanmax(np.abs(F), initial=0), np.nanmax(np.abs(G), initial=0)])
+        if not np.all(scale > 0) or not np.all(np.isfinite(scale)):
+            continue  # a rate that vanishes everywhere leaves no isolated equilibrium
+
+        def rates(u: np.ndarray, mode: str = mode, scale: np.ndarray = scale) -> np.ndarray:
+            return np.array(plane.rates(mode, float(x0 + u[0] * size[0]), float(y0 + u[1] * size[1]))) / scale
+
+        both = _changes_sign(F) & _changes_sign(G)
+        seeds = [((k + 0.5) / (GRID - 1), (i + 0.5) / (GRID - 1)) for i, k in np.argwhere(both)][:40] + [(a, b) for a in (0.2, 0.5, 0.8) for b in (0.2, 0.5, 0.8)]
+        mine: list[np.ndarray] = []
+        for seed in seeds:
+            with np.errstate(all="ignore"):
+                solution = root(rates, seed, tol=1e-13)
+            u = solution.x
+            if not (np.all(np.isfinite(u)) and np.all((u >= -1e-9) & (u <= 1 + 1e-9)) and np.abs(rates(u)).max() < 1e-9):
+                continue
+            if any(np.abs(u - other).max() < 1e-4 for other in mine):
+                continue
+            x, y = x0 + u[0] * size[0], y0 + u[1] * size[1]
+            if plane.governing(np.array([x]), np.array([y]))[0] != index:
+                continue
+            mine.append(u)
+            h, columns = 1e-3, []
+            for axis in np.eye(2):
+                columns.append((8 * (rates(u + h * axis) - rates(u - h * axis)) - rates(u + 2 * h * axis) + rates(u - 2 * h * axis)) / (12 * h))
+            A = np.array(columns).T * scale[:, None] / size[None, :]
+            kind = classify(A, tolerance) if np.all(np.isfinite(A)) else "equilibrium"
+            near = 1e-9 * size  # 3e-17 reads as 0
+            found.append((0.0 if abs(x) < near[0] else float(x), 0.0 if abs(y) < near[1] else float(y), mode, kind))
+    return sorted(found)
+
+
+def _changes_sign(Z: np.ndarray) -> np.ndarray:
+    corners = np.stack([Z[:-1, :-1], Z[1:, :-1], Z[:-1, 1:], Z[1:, 1:]])
+    return (corners.min(axis=0) <= 0) & (corners.max(axis=0) >= 0)
