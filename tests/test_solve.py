@@ -390,11 +390,6 @@ def test_runs_end_with_a_named_reason_and_keep_what_there_is():
         root = System("root", {"x": ""}, {}, [Mode("only", lambda t, s, p: (-math.sqrt(s.x) - 1,))], start={"x": 1.0})
         run = simulate(root, 2.0, backend=backend)
         assert run.stopped.startswith("not a number: the flow of mode 'only'") and "'x'" in run.stopped and 0 < run.t[-1] < 1
-        relay = System(
-            "chatter", {"x": ""}, {}, [Mode("plus", lambda t, s, p: (-1.0,)), Mode("minus", lambda t, s, p: (1.0,))],
-            [Transition("plus", "minus", guard=lambda t, s, p: s.x, direction=-1), Transition("minus", "plus", guard=lambda t, s, p: s.x, direction=1)], start={"x": 1.0},
-        )
-        assert simulate(relay, 3.0, backend=backend).stopped.startswith("endless loop at t = 1: ")
         assert simulate(systems.ball(), 12.0, max_events=5, backend=backend).stopped.startswith("too many events: 5 by ")
         assert simulate(systems.spiral(), 12.0, max_steps=7, backend=backend).stopped.startswith("too many steps: 7 by ")
     stiff = System("stiff", {"x": ""}, {"k": 1e6}, [Mode("only", lambda t, s, p: (-p.k * (s.x - math.cos(t)),))], start={"x": 0.0})
@@ -402,6 +397,60 @@ def test_runs_end_with_a_named_reason_and_keep_what_there_is():
     run = simulate(stiff, 10.0, method="Radau", max_steps=2000)
     assert run.stopped == "finished" and run.final["x"] == pytest.approx(math.cos(10), abs=1e-5)
     assert simulate(systems.oscillator(), 50.0, method="Euler", w=1e9, step=1.0).stopped.startswith(("diverged", "not a number"))
+
+
+# ---------------------------------------------------------------- sliding (Filippov)
+
+
+def drifting(A):
+    """x' = −sign x + A sin t: for A ≤ 1 the state stays on x = 0 for ever, else it leaves where A sin t = ±1."""
+    return System(
+        "drift", {"x": ""}, {"A": A}, [Mode("plus", lambda t, s, p: (-1.0 + p.A * math.sin(t),)), Mode("minus", lambda t, s, p: (1.0 + p.A * math.sin(t),))],
+        [Transition("plus", "minus", guard=lambda t, s, p: s.x, direction=-1, label="down"), Transition("minus", "plus", guard=lambda t, s, p: s.x, direction=1, label="up")],
+        start={"x": 1.0},
+    )
+
+
+@pytest.mark.parametrize("backend", BOTH)
+def test_sliding_on_a_line(backend):
+    run = simulate(drifting(0.5), 20.0, backend=backend)
+    assert [e.target for e in run.events] == ["minus", "sliding"] and run.stopped == "finished"
+    reached = brentq(lambda t: 1 - t + 0.5 * (1 - math.cos(t)), 0, 3)
+    assert run.events[1].t == pytest.approx(reached, abs=1e-8) and np.abs(run["x"][run.t > reached]).max() < 1e-12
+
+
+@pytest.mark.parametrize("backend", BOTH)
+def test_sliding_ends_where_one_flow_no_longer_pushes(backend):
+    run = simulate(drifting(1.5), 30.0, rtol=1e-10, atol=1e-12, backend=backend)
+    ends = [e.t for e in run.events if e.source == "sliding"]
+    exact = [math.pi * k + math.asin(1 / 1.5) for k in range(1, 10) if math.pi * k + math.asin(1 / 1.5) < 30]
+    assert np.allclose(ends, exact, rtol=0, atol=1e-9) and run.stopped == "finished"
+    assert [e.target for e in run.events if e.source == "sliding"] == ["minus", "plus"] * (len(ends) // 2) + ["minus"] * (len(ends) % 2)
+
+
+@pytest.mark.parametrize(("method", "backend"), [("RK45", "plain"), ("DOP853", "plain"), ("RK45", "compiled"), ("DOP853", "compiled"), ("Radau", "plain")])
+def test_sliding_in_the_plane(method, backend):
+    """A double integrator under u = −sign(v + c x): on the line x decays as e^{−ct}, whatever the size of the relay."""
+    system = System(
+        "variable structure", {"x": "", "v": ""}, {"c": 1.0}, [Mode("brake", lambda t, s, p: (s.v, -1.0)), Mode("push", lambda t, s, p: (s.v, 1.0))],
+        [Transition("brake", "push", guard=lambda t, s, p: s.v + p.c * s.x, direction=-1), Transition("push", "brake", guard=lambda t, s, p: s.v + p.c * s.x, direction=1)],
+        start={"x": 1.0, "v": 0.0},
+    )
+    run = simulate(system, 8.0, method=method, rtol=1e-8, backend=backend)
+    begin = next(e for e in run.events if e.target == "sliding")
+    assert begin.t == pytest.approx(math.sqrt(3) - 1, abs=1e-7)  # 1 − t²/2 = t
+    later = run.t > begin.t
+    assert np.abs(run["x"][later] - begin.after["x"] * np.exp(begin.t - run.t[later])).max() < 1e-6
+    assert np.abs(run["v"] + run["x"])[later].max() < (1e-6 if method == "Radau" else 1e-9)  # its interpolant has order 3
+
+
+@pytest.mark.parametrize("backend", BOTH)
+def test_other_guards_are_seen_while_sliding(backend):
+    system = drifting(0.5)
+    stop = Transition("minus", None, guard=lambda t, s, p: t - 5.0, direction=1, label="enough")
+    system = System("drift", {"x": ""}, {"A": 0.5}, list(system.modes.values()), [*system.transitions, stop], {"x": 1.0})
+    run = simulate(system, 20.0, backend=backend)
+    assert run.stopped == 'terminal event "enough"' and run.t[-1] == pytest.approx(5, abs=1e-12)
 
 
 def test_thousands_of_switches():

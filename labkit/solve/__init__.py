@@ -392,10 +392,12 @@ class _Lane:
         events = []
         for line in self._rows("ledger", w.i[core.LEDGER]):
             tr = system.transitions[int(line[1])]
-            source, target = self.modes[int(line[3])], None if line[4] < 0 else self.modes[int(line[4])]
-            before = dict(zip(system.states_of(source), line[5:].tolist(), strict=False))
-            after = dict(zip(system.states_of(target or source), line[5 + self.width :].tolist(), strict=False))
-            events.append(Event(float(line[0]), tr.name, source, target, before, after, int(line[1])))
+            source, target = ("sliding" if m == core.SLIDE else None if m < 0 else self.modes[int(m)] for m in line[3:5])
+            one, other = (m if m in system.modes else tr.sources[0] for m in (source, target or source))
+            before = dict(zip(system.states_of(one), line[5:].tolist(), strict=False))
+            after = dict(zip(system.states_of(other), line[5 + self.width :].tolist(), strict=False))
+            name = f"{tr.name} (sliding)" if "sliding" in (source, target) else tr.name
+            events.append(Event(float(line[0]), name, source, target, before, after, int(line[1])))
         pieces = self._rows("pieces", w.i[core.PIECES])
         return Run(system, self.p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], events, self.reason(status), self.work(seconds), pieces)
 

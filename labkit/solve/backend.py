@@ -106,13 +106,19 @@ def _jit(function: Callable) -> Callable:
 # ---------------------------------------------------------------- the core
 
 
+def _core_source() -> str:
+    """The core's files as one source: each takes from those before it."""
+    lines = [line for name in ("layout", "sliding", "step", "locate", "core") for line in Path(__file__).with_name(f"{name}.py").read_text(encoding="utf8").splitlines()]
+    return "\n".join(line for line in lines if not line.startswith("from ."))
+
+
 def _core_text() -> str:
-    return Path(core.__file__).read_text(encoding="utf8") + Path(__file__).read_text(encoding="utf8")
+    return _core_source() + Path(__file__).read_text(encoding="utf8")
 
 
 def _make_core() -> tuple[Callable, object]:
     """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
-    source, fields = Path(core.__file__).read_text(encoding="utf8"), core.workspace(*[1] * 14)
+    source, fields = _core_source(), core.workspace(*[1] * 14)
     from numba import types as nb
     from numba.core.imputils import lower_getattr_generic
     from numba.extending import infer_getattr, intrinsic, models, register_model

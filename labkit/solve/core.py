@@ -3,369 +3,14 @@
 One source for both back ends. As it stands here it runs in plain Python on lists; backend.py loads it a second
 time with the same functions compiled by Numba on arrays. So: scalar loops only, no NumPy, nothing but indexing,
 and `w`, the workspace (fields in `workspace`), holds everything that must survive a pause.
-
-How an event is found. Each step is a polynomial in θ ∈ [0, 1]. A guard is sampled along it at Chebyshev points;
-the samples' polynomial in Bernstein form bounds the guard (convex hull) and its sign changes bound the number of
-roots (Descartes). Where that leaves a doubt the interval is halved and sampled anew; two samples off the
-nodes say how far to trust the polynomial. One sign change: one root, found on the guard itself (Chandrupatla 1997).
-So crossings that come in pairs inside one step, and dips of rounding size, are found, not only sign changes at its ends.
-
-How an event is not found twice. After a reset a guard that lies within rounding of zero *counts as* zero: that
-root is divided out (leading Bernstein coefficients set to 0), and what remains tells to which side the guard leaves.
 """
 
-from collections import namedtuple
-from math import isfinite, sqrt
+from math import isfinite
 
-EPS = 2.220446049250313e-16
-
-# Places in w.i (whole numbers that survive a pause) …
-MODE, JUMP, GRID, OUT, LEDGER, PIECES, STEPS, REJECTED, FLOWS, GUARDS, FRESH, ENTRY, PENDING, SAME, WHO, FIRST = range(16)
-# … and settings among them
-STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, MODES, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER, ROWS, WIDTH = range(16, 30)
-ARRIVED = 30  # the mode in which the instant of a schedule was reached
-INTEGERS = 31
-# Places in w.f
-T, H, T_END, RTOL, ATOL, MAX_STEP, T0, EVENT_T, ZENO_T, SPAN, DUE_T = range(11)
-FLOATS = 11
-
-# Why `advance` returns
-PAUSE, FINISHED, GROW, TERMINAL, ZENO, CONTACT, LOOP, EVENTS_OUT, STEPS_OUT, UNDERFLOW, QUEUE_FULL, GUARD_NAN = range(12)
-
-QUEUE = 256  # dead-time transitions under way at once
-SAME_INSTANT = 100  # events at one instant before the run is called a loop
-
-
-def workspace(n, modes, transitions, guards, rows, degree, proxy, instants, schedules, grid, events, pieces, nonzeros, weights):
-    """The fields of w as (name, "f" or "i", shape): one list for the plain lists, the arrays and their addresses."""
-    return (
-        ("i", "i", (INTEGERS,)), ("f", "f", (FLOATS,)),
-        # the method
-        ("a_from", "i", (rows + 1,)), ("a_column", "i", (nonzeros,)), ("a_value", "f", (nonzeros,)), ("b", "f", (rows,)), ("c", "f", (rows,)),
-        ("e", "f", (2, rows)), ("w_from", "i", (degree + 1,)), ("w_row", "i", (weights,)), ("w_value", "f", (weights,)), ("q", "f", (degree, degree)),
-        ("node", "f", (proxy + 3,)), ("bernstein", "f", (proxy + 1, proxy + 1)), ("test", "f", (2, proxy + 1)),
-        # the model
-        ("size", "i", (modes,)), ("leave_from", "i", (modes + 1,)), ("leave", "i", (guards,)), ("source", "i", (transitions, modes)),
-        ("target", "i", (transitions,)), ("zeno", "i", (transitions,)), ("directed", "i", (transitions,)), ("urgent", "i", (transitions,)),
-        ("rank", "i", (transitions,)), ("delay", "f", (transitions,)),
-        ("plan", "i", (schedules,)), ("plan_next", "i", (schedules,)), ("plan_first", "f", (schedules,)), ("plan_period", "f", (schedules,)),
-        ("plan_from", "i", (schedules + 1,)), ("instant", "f", (instants,)),
-        # the state and its surroundings
-        ("y", "f", (n,)), ("y_new", "f", (n,)), ("y_try", "f", (n,)), ("k", "f", (rows, n)), ("term", "f", (degree, n)), ("poly", "f", (degree + 1, n)),
-        ("at_node", "f", (proxy + 3, guards)), ("value", "f", (proxy + 3,)), ("hull", "f", (proxy + 1,)), ("g", "f", (guards,)),
-        ("stack", "f", (256,)), ("side", "i", (guards,)), ("hold", "i", (transitions,)), ("root", "f", (guards,)),
-        ("queue_t", "f", (QUEUE,)), ("queue", "i", (QUEUE,)),
-        ("last_t", "f", (transitions,)), ("last_gap", "f", (transitions,)), ("last_ratio", "f", (transitions,)), ("last_y", "f", (transitions, n)),
-        # what comes out
-        ("grid", "f", (grid,)), ("out", "f", (grid + 4 + 3 * events, 3 + n)), ("ledger", "f", (events, 5 + 2 * n)), ("pieces", "f", (pieces, 3 + (degree + 1) * n)),
-    )
-
-
-def flow(model, mode, t, y, p, out):
-    model.flow[mode](t, y, p, out)
-
-
-def guards(model, mode, t, y, p, out):
-    model.guards[mode](t, y, p, out)
-
-
-def reset(model, transition, mode, t, y, p, out):
-    model.reset[transition](mode, t, y, p, out)
-
-
-def external_step(model, w, p, t, h):
-    """A step by one of SciPy's methods: fills w.y_new and w.poly, returns its length (0: failed). Plain back end only."""
-    return model.stepper(w, p, t, h)
-
-
-# The functions above have other bodies in the compiled back end; those below are the same source in both.
-
-
-def explicit_step(model, w, p, mode, n, t, h):
-    """One step of the table's method from w.y, whose flow is in w.k[0]; returns the error over the tolerance."""
-    k, y, y_try, y_new = w.k, w.y, w.y_try, w.y_new
-    a_from, a_column, a_value = w.a_from, w.a_column, w.a_value
-    stages = w.i[STAGES]
-    for row in range(1, stages):
-        first, last = a_from[row], a_from[row + 1]
-        for i in range(n):
-            total = 0.0
-            for q in range(first, last):
-                total += a_value[q] * k[a_column[q]][i]
-            y_try[i] = y[i] + h * total
-        flow(model, mode, t + w.c[row] * h, y_try, p, k[row])
-    for i in range(n):
-        total = 0.0
-        for row in range(stages):
-            total += w.b[row] * k[row][i]
-        y_new[i] = y[i] + h * total
-    flow(model, mode, t + h, y_new, p, k[stages])
-    w.i[FLOWS] += stages
-    if w.i[ADAPTIVE] == 0:
-        for i in range(n):
-            if not isfinite(y_new[i]):
-                return 1e300
-        return 0.0
-    rtol, atol = w.f[RTOL], w.f[ATOL]
-    high, low = 0.0, 0.0
-    for i in range(n):
-        scale = atol + rtol * max(abs(y[i]), abs(y_new[i]))
-        first_sum, second_sum = 0.0, 0.0
-        for row in range(stages + 1):
-            first_sum += w.e[0][row] * k[row][i]
-            second_sum += w.e[1][row] * k[row][i]
-        first_sum /= scale
-        second_sum /= scale
-        high += first_sum * first_sum
-        low += second_sum * second_sum
-    if w.i[TWO] == 1:  # DOP853 weighs its fifth- and third-order estimates (Hairer, Nørsett, Wanner, II.10)
-        if high == 0.0 and low == 0.0:
-            return 0.0
-        return h * high / sqrt((high + 0.01 * low) * n)
-    return h * sqrt(high / n)
-
-
-def interpolate(model, w, p, mode, n, t, h):
-    """The step's polynomial into w.poly; DOP853 needs three more evaluations for it."""
-    k, y, y_try = w.k, w.y, w.y_try
-    stages, degree = w.i[STAGES], w.i[DEGREE]
-    for row in range(stages + 1, w.i[ROWS]):
-        for i in range(n):
-            total = 0.0
-            for q in range(w.a_from[row], w.a_from[row + 1]):
-                total += w.a_value[q] * k[w.a_column[q]][i]
-            y_try[i] = y[i] + h * total
-        flow(model, mode, t + w.c[row] * h, y_try, p, k[row])
-        w.i[FLOWS] += 1
-    for d in range(degree):
-        for i in range(n):
-            total = 0.0
-            for q in range(w.w_from[d], w.w_from[d + 1]):
-                total += w.w_value[q] * k[w.w_row[q]][i]
-            w.term[d][i] = h * total
-    for i in range(n):
-        w.poly[0][i] = y[i]
-    for d in range(degree):
-        powers = w.q[d]
-        for i in range(n):
-            total = 0.0
-            for q in range(degree):
-                if powers[q] != 0.0:
-                    total += powers[q] * w.term[q][i]
-            w.poly[d + 1][i] = total
-
-
-def evaluate(w, n, theta, out):
-    """The state at θ of the current step into out (Horner)."""
-    poly = w.poly
-    for i in range(n):
-        out[i] = poly[w.i[DEGREE]][i]
-    for d in range(w.i[DEGREE] - 1, -1, -1):
-        row = poly[d]
-        for i in range(n):
-            out[i] = out[i] * theta + row[i]
-
-
-def guard_at(model, w, p, mode, n, t, h, theta, k):
-    evaluate(w, n, theta, w.y_try)
-    guards(model, mode, t + theta * h, w.y_try, p, w.g)
-    w.i[GUARDS] += 1
-    return w.g[k]
-
-
-def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
-    """θ of the one root of guard k in [a, b], on b's side of it (Chandrupatla's method, Adv. Eng. Softw. 28, 1997)."""
-    side = 1.0 if fb > 0.0 else -1.0
-    delta = 2.0 * EPS * max(abs(t), abs(t + h)) / h
-    halvings = 0
-    while fa * side >= 0.0 and halvings < 100:  # the left end counts as zero: step off it first
-        middle = 0.5 * (a + b)
-        f = guard_at(model, w, p, mode, n, t, h, middle, k)
-        if f * side < 0.0:
-            a, fa = middle, f
-        else:
-            b, fb = middle, f
-        halvings += 1
-        if b - a <= delta:
-            return b
-    c, fc = a, fa
-    fraction = 0.5
-    for _ in range(200):
-        x = a + fraction * (b - a)
-        f = guard_at(model, w, p, mode, n, t, h, x, k)
-        if (f > 0.0) == (fa > 0.0):
-            c, fc = a, fa
-        else:
-            c, fc = b, fb
-            b, fb = a, fa
-        a, fa = x, f
-        if fa == 0.0:
-            return a
-        tolerance = 2.0 * EPS * max(abs(a), abs(b)) + delta
-        limit = tolerance / abs(b - c) if b != c else 1.0
-        if abs(b - a) <= 2.0 * tolerance or limit > 0.5:
-            break
-        xi = (a - b) / (c - b)
-        phi = (fa - fb) / (fc - fb)
-        if phi * phi < xi and (1.0 - phi) * (1.0 - phi) < 1.0 - xi:
-            fraction = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-        else:
-            fraction = 0.5
-        fraction = min(1.0 - limit, max(limit, fraction))
-    return a if fa * side > 0.0 else b
-
-
-def first_crossing(model, w, p, mode, n, t, h, k, transition, limit, entry):
-    """θ ∈ [0, limit] of the first event of guard k in this step; 2 if none, −1 if it rests on its surface, −2 if it is NaN.
-
-    w.side[k] is the guard's side before the step (0: not known yet) and is left as that at `limit`.
-    """
-    top = w.i[PROXY]
-    directed = w.directed[transition] == 1
-    side = w.side[k]
-    undecided = entry == 1
-    narrowest = 1.5e-8
-    value, hull, stack = w.value, w.hull, w.stack
-    stack[0], stack[1] = 0.0, limit
-    depth = 1
-    state = 0.0
-    for j in range(n):
-        state = max(state, abs(w.poly[0][j]))
-    floor = 8.0 * EPS * state  # a guard is not known better than this
-    looks = 0
-    while depth > 0:
-        depth -= 1
-        looks += 1
-        a, b = stack[2 * depth], stack[2 * depth + 1]
-        width = b - a
-        if a == 0.0 and b == 1.0:
-            for j in range(top + 3):
-                value[j] = w.at_node[j][k]
-        else:
-            for j in range(top + 3):
-                value[j] = guard_at(model, w, p, mode, n, t, h, a + width * w.node[j], k)
-        largest, spread, misfit = 0.0, 0.0, 0.0
-        for j in range(top + 1):
-            total = 0.0
-            row = w.bernstein[j]
-            for q in range(top + 1):
-                total += row[q] * value[q]
-            hull[j] = total
-            largest = max(largest, abs(total))
-            spread = max(spread, abs(total - hull[0]))
-        for j in range(2):
-            total = 0.0
-            row = w.test[j]
-            for q in range(top + 1):
-                total += row[q] * value[q]
-            misfit = max(misfit, abs(total - value[top + 1 + j]))
-        if not (isfinite(largest) and isfinite(misfit)):
-            return -2.0
-        if largest <= floor and not (entry == 1 and a == 0.0):
-            continue
-        margin = 4.0 * misfit + 8.0 * EPS * largest
-        finest = width <= narrowest or looks > 400
-        start = 0
-        if entry == 1 and a == 0.0:
-            # Within rounding of zero? In time: the surface is 256 ulp of t away; in value: 8 ulp of the state.
-            band = top * spread * 256.0 * EPS * max(abs(t), abs(t + h)) / (width * h) + floor
-            if abs(hull[0]) <= band:
-                hull[0] = 0.0
-                start = 1
-                while start < top and abs(hull[start]) <= 1e-12 * largest:
-                    hull[start] = 0.0
-                    start += 1
-                if undecided:
-                    if abs(hull[start]) <= margin and not finest and largest > 0.0:
-                        middle = 0.5 * (a + b)
-                        stack[2 * depth], stack[2 * depth + 1] = middle, b
-                        stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
-                        depth += 2
-                        continue
-                    undecided = False
-                    if hull[start] > 0.0:
-                        if directed:
-                            if w.hold[transition] == 0:
-                                return 0.0
-                            if start > 1:
-                                return -1.0
-                        side = 1
-                    elif hull[start] < 0.0 or directed:
-                        side = -1
-            elif undecided:
-                undecided = False
-                side = 1 if hull[0] > 0.0 else -1
-        changes, doubtful, sign = 0, 0, side
-        for j in range(start, top + 1):
-            if hull[j] > margin:
-                if sign < 0:
-                    changes += 1
-                sign = 1
-            elif hull[j] < -margin:
-                if sign > 0:
-                    changes += 1
-                sign = -1
-            else:
-                doubtful += 1
-        if changes == 0 and (doubtful == 0 or finest):
-            side = sign
-            continue
-        if changes == 1 and abs(hull[start]) > margin and abs(hull[top]) > margin:
-            if (hull[start] > 0.0) != (side > 0):  # crossed exactly at the seam of two steps
-                theta = a
-            else:
-                theta = refine(model, w, p, mode, n, t, h, k, a, value[0], b, value[top])
-            if sign > 0 or not directed:
-                w.side[k] = sign
-                return theta
-            side = sign
-            continue
-        if finest:  # rounding rules here: believe the samples
-            for j in range(1, top + 1):
-                if value[j] * side < 0.0:
-                    side = -side
-                    if side > 0 or not directed:
-                        w.side[k] = side
-                        return a + width * w.node[j]
-            continue
-        middle = 0.5 * (a + b)
-        stack[2 * depth], stack[2 * depth + 1] = middle, b
-        stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
-        depth += 2
-    w.side[k] = side
-    return 2.0
-
-
-def find_event(model, w, p, mode, n, t, h, entry):
-    """(θ, position of the guard) of the step's first event: of those within rounding of the first, the one of highest priority."""
-    first, count = w.leave_from[mode], w.leave_from[mode + 1] - w.leave_from[mode]
-    if count == 0:
-        return 2.0, -1
-    top = w.i[PROXY]
-    if entry == 0:  # the last step's end is this one's start
-        for k in range(count):
-            w.at_node[0][k] = w.at_node[top][k]
-    for j in range(entry ^ 1, top + 3):
-        evaluate(w, n, w.node[j], w.y_try)
-        guards(model, mode, t + w.node[j] * h, w.y_try, p, w.at_node[j])
-    w.i[GUARDS] += top + 3
-    tie = 16.0 * EPS * max(abs(t), abs(t + h)) / h
-    limit, best = 1.0, 2.0
-    for k in range(count):
-        theta = first_crossing(model, w, p, mode, n, t, h, k, w.leave[first + k], limit, entry)
-        w.root[k] = theta
-        if theta < best:
-            best = theta
-            limit = min(1.0, max(best, 0.0) + tie)
-    if best > 1.0:
-        return 2.0, -1
-    chosen, latest = -1, best
-    for k in range(count):
-        if w.root[k] <= max(best, 0.0) + tie:
-            if chosen < 0:
-                chosen = k
-            latest = max(latest, w.root[k])
-    return (latest if w.root[chosen] >= 0.0 else w.root[chosen]), chosen
+from .layout import *
+from .locate import find_event
+from .sliding import back_to_surface, begin_sliding, rates, watch, watch_count, watched
+from .step import *
 
 
 def record(w, t, mode, n, y):
@@ -405,8 +50,28 @@ def leave(w, t, mode, n, transition):
     w.i[WHO] = transition
 
 
+def slide(w, t, n, source, target):
+    """A line of the ledger for the start (target SLIDE) or the end (source SLIDE) of sliding, named after the surface's transition."""
+    surface = w.leave[w.leave_from[w.i[SLIDE_A]] + w.i[GUARD_A]]
+    leave(w, t, source, n, surface)
+    mode = target
+    if target == SLIDE:
+        mode = w.i[SLIDE_A]
+    else:
+        w.i[SLIDING] = 0
+    enter(w, t, surface, mode, n)
+    w.ledger[w.i[LEDGER] - 1][4] = target
+    w.i[SAME] = w.i[SAME] + 1 if t == w.f[EVENT_T] else 1
+    w.f[EVENT_T] = t
+    return LOOP if w.i[SAME] > SAME_INSTANT else PAUSE
+
+
 def fire(model, w, p, transition):
     """Carry out a transition at the current time and state; returns PAUSE to go on, or why the run ends."""
+    if w.i[SLIDING] == 1:  # from the one of the two modes that has this transition
+        w.i[SLIDING] = 0
+        if w.source[transition][w.i[MODE]] == 0:
+            w.i[MODE] = w.i[SLIDE_B]
     t, mode = w.f[T], w.i[MODE]
     n = w.size[mode]
     leave(w, t, mode, n, transition)
@@ -507,36 +172,6 @@ def take_due(w, until):
     return best
 
 
-def first_step(model, w, p, mode, n):
-    """A step to begin with (Hairer, Nørsett, Wanner, II.4), from w.k[0]."""
-    t, rtol, atol = w.f[T], w.f[RTOL], w.f[ATOL]
-    span = min(w.f[T_END] - t, w.f[MAX_STEP])
-    d0, d1 = 0.0, 0.0
-    for i in range(n):
-        scale = atol + abs(w.y[i]) * rtol
-        d0 += (w.y[i] / scale) * (w.y[i] / scale)
-        d1 += (w.k[0][i] / scale) * (w.k[0][i] / scale)
-    d0, d1 = sqrt(d0 / n), sqrt(d1 / n)
-    h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(h0, span)
-    for i in range(n):
-        w.y_try[i] = w.y[i] + h0 * w.k[0][i]
-    flow(model, mode, t + h0, w.y_try, p, w.k[1])
-    w.i[FLOWS] += 1
-    d2 = 0.0
-    for i in range(n):
-        scale = atol + abs(w.y[i]) * rtol
-        d2 += ((w.k[1][i] - w.k[0][i]) / scale) * ((w.k[1][i] - w.k[0][i]) / scale)
-    d2 = sqrt(d2 / n) / h0
-    if not isfinite(d2):
-        return h0 * 1e-3
-    if d1 <= 1e-15 and d2 <= 1e-15:
-        h1 = max(1e-6, h0 * 1e-3)
-    else:
-        h1 = (0.01 / max(d1, d2)) ** (1.0 / w.i[ORDER])
-    return min(100.0 * h0, h1, span)
-
-
 def sample(w, t, h, end, mode, n):
     """Samples of the grid within (t, end], from the step's polynomial; the end's own from w.y."""
     place = w.i[GRID]
@@ -603,7 +238,8 @@ def advance(model, w, p, budget):
             if f[DUE_T] != t:
                 f[DUE_T], i[ARRIVED] = t, mode
             transition = take_due(w, t + least)
-            if transition >= 0 and w.source[transition][mode] == 1 and w.source[transition][i[ARRIVED]] == 1:
+            here = i[SLIDING] == 1 and transition >= 0 and w.source[transition][i[SLIDE_B]] == 1
+            if transition >= 0 and (here or (w.source[transition][mode] == 1 and w.source[transition][i[ARRIVED]] == 1)):
                 status = fire(model, w, p, transition)
                 if status != PAUSE:
                     return status
@@ -613,13 +249,13 @@ def advance(model, w, p, budget):
             return FINISHED
 
         # Guards that are already true and do not wait
-        first, count = w.leave_from[mode], w.leave_from[mode + 1] - w.leave_from[mode]
+        count = watch_count(w, mode)
         if i[ENTRY] == 1 and count > 0:
-            guards(model, mode, t, w.y, p, w.g)
+            watch(model, w, mode, n, t, w.y, p, w.g)
             i[GUARDS] += 1
             chosen = -1
-            for k in range(count):
-                transition = w.leave[first + k]
+            for k in range(2 * i[SLIDING], count):
+                transition = watched(w, mode, k)
                 if not isfinite(w.g[k]):
                     i[WHO] = transition
                     return GUARD_NAN
@@ -640,7 +276,7 @@ def advance(model, w, p, budget):
 
         # A step
         if i[FRESH] == 1 and i[ADAPTIVE] < 2:
-            flow(model, mode, t, w.y, p, w.k[0])
+            rates(model, w, mode, n, t, w.y, p, w.k[0])
             i[FLOWS] += 1
             if f[H] <= 0.0:
                 f[H] = first_step(model, w, p, mode, n)
@@ -693,12 +329,12 @@ def advance(model, w, p, budget):
             i[REJECTED] += 1
             f[H] = 0.25 * h
             i[FRESH] = 1
-            i[WHO] = w.leave[first + k]
+            i[WHO] = max(watched(w, mode, k), 0)
             if f[H] < least or i[ADAPTIVE] != 1:
                 return GUARD_NAN
             continue
         if k >= 0 and theta < 0.0:  # it rests on its surface: a reset has not taken it off
-            transition = w.leave[first + k]
+            transition = watched(w, mode, k)
             i[WHO] = transition
             if w.zeno[transition] < 0:
                 return CONTACT
@@ -717,6 +353,8 @@ def advance(model, w, p, budget):
                 w.y[q] = w.y_new[q]
             f[T] = end
             i[ENTRY] = 0
+            if i[SLIDING] == 1:
+                back_to_surface(model, w, p, n, end, w.y)
             if wanted or (i[GRID] < len(w.grid) and w.grid[i[GRID]] <= end):
                 sample(w, t, h, end, mode, n)
         if k < 0:
@@ -725,8 +363,16 @@ def advance(model, w, p, budget):
                 for q in range(n):
                     w.k[0][q] = last[q]
             continue
-        transition = w.leave[first + k]
-        if w.delay[transition] > 0.0:
+        transition = watched(w, mode, k)
+        if transition < 0:
+            status = slide(w, end, n, SLIDE, i[SLIDE_A] if transition == -1 else i[SLIDE_B])
+            if status != PAUSE:
+                return status
+        elif end == t and begin_sliding(model, w, p, n, transition, k) == 1:
+            status = slide(w, end, n, i[SLIDE_B], SLIDE)
+            if status != PAUSE:
+                return status
+        elif w.delay[transition] > 0.0:
             if i[PENDING] >= QUEUE:
                 i[WHO] = transition
                 return QUEUE_FULL
@@ -739,6 +385,3 @@ def advance(model, w, p, budget):
             if status != PAUSE:
                 return status
     return PAUSE
-
-
-Workspace = namedtuple("Workspace", [name for name, _, _ in workspace(*[1] * 14)])

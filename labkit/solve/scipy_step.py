@@ -56,11 +56,10 @@ class SciPyStep:
         return length
 
     def _start(self, w: core.Workspace, p: tuple, mode: int, n: int, t: float, bound: float):
-        flow, out = self.model.flow[mode], [0.0] * self.width
-        padding = [0.0] * (self.width - n)
+        out, padding = [0.0] * self.width, [0.0] * (self.width - n)
 
         def rates(time: float, y: np.ndarray) -> list[float]:
-            flow(time, y.tolist() + padding, p, out)
+            core.rates(self.model, w, mode, n, time, y.tolist() + padding, p, out)
             return out[:n]
 
         options = {} if w.f[core.MAX_STEP] == inf else {"max_step": w.f[core.MAX_STEP]}

@@ -1,0 +1,135 @@
+"""Sliding along a switching surface (Filippov 1988): two modes whose flows both push towards the surface between them.
+
+Then the state can stay in neither; it moves along the surface with the one mixture of both flows that does not leave it,
+
+    (1 − λ)·f_A + λ·f_B   with   λ = a/(a − b),   a = dγ/dt along f_A > 0,   b = dγ/dt along f_B < 0,
+
+γ being the guard of A, turned so that B begins where it is positive. Sliding ends when a falls to 0 (back into A) or b
+rises to 0 (on into B): two more guards, located like all others. Slopes of γ are central differences along the flows.
+
+`rates` and `watch` are `flow` and `guards` for all that integrate and look for events, sliding or not.
+"""
+
+from .layout import *
+
+
+def slope(model, w, p, n, t, y, rate):
+    """dγ/dt of the surface's guard along a flow."""
+    e, mode, k = w.f[PROBE], w.i[SLIDE_A], w.i[GUARD_A]
+    for i in range(n):
+        w.y_probe[i] = y[i] + e * rate[i]
+    guards(model, mode, t + e, w.y_probe, p, w.g_probe)
+    ahead = w.g_probe[k]
+    for i in range(n):
+        w.y_probe[i] = y[i] - e * rate[i]
+    guards(model, mode, t - e, w.y_probe, p, w.g_probe)
+    w.i[GUARDS] += 2
+    return (ahead - w.g_probe[k]) / (2.0 * e)
+
+
+def pushes(model, w, p, n, t, y):
+    """(a, b), with both flows left in w.rate_a and w.rate_b."""
+    flow(model, w.i[SLIDE_A], t, y, p, w.rate_a)
+    flow(model, w.i[SLIDE_B], t, y, p, w.rate_b)
+    return slope(model, w, p, n, t, y, w.rate_a), slope(model, w, p, n, t, y, w.rate_b)
+
+
+def rates(model, w, mode, n, t, y, p, out):
+    """The right-hand side in force."""
+    if w.i[SLIDING] == 0:
+        flow(model, mode, t, y, p, out)
+        return
+    a, b = pushes(model, w, p, n, t, y)
+    part = a / (a - b) if a != b else 0.5
+    for i in range(n):
+        out[i] = (1.0 - part) * w.rate_a[i] + part * w.rate_b[i]
+
+
+def watch_count(w, mode):
+    """How many guards are looked at."""
+    count = w.leave_from[mode + 1] - w.leave_from[mode]
+    if w.i[SLIDING] == 1:
+        count += w.leave_from[w.i[SLIDE_B] + 1] - w.leave_from[w.i[SLIDE_B]]
+    return count  # both ends of sliding in place of the two guards that make the surface
+
+
+def watched(w, mode, k):
+    """The transition of guard number k; −1 and −2 are the ends of sliding, into A and into B."""
+    if w.i[SLIDING] == 0:
+        return w.leave[w.leave_from[mode] + k]
+    if k < 2:
+        return -1 - k
+    k -= 2
+    others = w.leave_from[mode + 1] - w.leave_from[mode] - 1
+    if k < others:
+        return w.leave[w.leave_from[mode] + (k if k < w.i[GUARD_A] else k + 1)]
+    k -= others
+    return w.leave[w.leave_from[w.i[SLIDE_B]] + (k if k < w.i[GUARD_B] else k + 1)]
+
+
+def watch(model, w, mode, n, t, y, p, out):
+    """All guards looked at."""
+    if w.i[SLIDING] == 0:
+        guards(model, mode, t, y, p, out)
+        return
+    a, b = pushes(model, w, p, n, t, y)
+    out[0], out[1] = -a, b
+    place = 2
+    for side in range(2):
+        here, surface = (mode, w.i[GUARD_A]) if side == 0 else (w.i[SLIDE_B], w.i[GUARD_B])
+        guards(model, here, t, y, p, w.g_probe)
+        for k in range(w.leave_from[here + 1] - w.leave_from[here]):
+            if k != surface:
+                out[place] = w.g_probe[k]
+                place += 1
+
+
+def begin_sliding(model, w, p, n, second, place):
+    """Is this chattering? The mode was entered at this very instant with the state kept, and the guard at `place` sends it back at once.
+
+    Then sliding begins (1) if both flows push towards the surface; otherwise nothing is changed (0).
+    """
+    t, mode, line = w.f[T], w.i[MODE], w.i[LEDGER] - 1
+    if w.i[SLIDING] == 1 or line < 0 or w.f[EVENT_T] != t or w.ledger[line][4] != mode:
+        return 0
+    first, before = int(w.ledger[line][1]), int(w.ledger[line][3])
+    if before < 0 or w.target[second] != before or w.size[before] != n or w.delay[first] > 0.0 or w.delay[second] > 0.0:
+        return 0
+    for i in range(n):
+        if abs(w.ledger[line][5 + i] - w.y[i]) > 1e-9 * (1.0 + abs(w.y[i])):
+            return 0
+    surface = -1
+    for k in range(w.leave_from[before + 1] - w.leave_from[before]):
+        if w.leave[w.leave_from[before] + k] == first:
+            surface = k
+    if surface < 0:  # a schedule brought it here
+        return 0
+    w.i[SLIDE_A], w.i[SLIDE_B], w.i[GUARD_A], w.i[GUARD_B] = before, mode, surface, place
+    w.f[PROBE] = 1e-4 * min(max(w.f[H], 1e-6), 1.0)
+    a, b = pushes(model, w, p, n, t, w.y)
+    if not (a > 0.0 and b < 0.0):
+        return 0
+    w.i[SLIDING] = 1
+    return 1
+
+
+def back_to_surface(model, w, p, n, t, y):
+    """One Newton step along the guard's gradient: rounding and the step's error would let the state drift off."""
+    mode, k = w.i[SLIDE_A], w.i[GUARD_A]
+    guards(model, mode, t, y, p, w.g_probe)
+    off, square = w.g_probe[k], 0.0
+    for i in range(n):
+        w.y_probe[i] = y[i]
+    for i in range(n):
+        e = 1e-6 * (1.0 + abs(y[i]))
+        w.y_probe[i] = y[i] + e
+        guards(model, mode, t, w.y_probe, p, w.g_probe)
+        ahead = w.g_probe[k]
+        w.y_probe[i] = y[i] - e
+        guards(model, mode, t, w.y_probe, p, w.g_probe)
+        w.y_probe[i] = y[i]
+        w.rate_a[i] = (ahead - w.g_probe[k]) / (2.0 * e)
+        square += w.rate_a[i] * w.rate_a[i]
+    if square > 0.0:
+        for i in range(n):
+            y[i] -= off * w.rate_a[i] / square
