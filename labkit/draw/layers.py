@@ -195,6 +195,7 @@ class GuardLines(Layer):
     def redo(self) -> None:
         limits, self.omitted = self.limits, []
         taken: list[tuple[float, float]] = []
+        named: list[tuple[str, list[np.ndarray]]] = []  # two modes may turn on the same line by the same name: written once
         for mode, line in self.lines.items():
             curves = []
             for i in self.plane.system.leaving[mode]:
@@ -207,7 +208,9 @@ class GuardLines(Layer):
                 else:
                     found = contour(lambda x, y, tr=transition, mode=mode: self.plane.guard(tr, mode, x, y), limits, self.points)
                 curves += found
-                self._name(text, transition.name, found, taken)
+                again = any(transition.name == name and _alike(found, others) for name, others in named)
+                named.append((transition.name, found))
+                self._name(text, transition.name, [] if again else found, taken)
             line.set_data(*_strung(curves))
 
     def _name(self, text: Any, name: str, curves: Sequence[np.ndarray], taken: list[tuple[float, float]]) -> None:
@@ -228,9 +231,21 @@ class GuardLines(Layer):
             aim -= 0.07 if steep else 0.25
         taken.append((float(spot[0]), float(spot[1])))
         text.xy = (x0 + spot[0] * (x1 - x0), y0 + spot[1] * (y1 - y0))
-        left = not steep or spot[0] > 0.7
+        left = spot[0] > 0.7 or (not steep and spot[0] > 0.3)
         text.set(text=name, ha="right" if left else "left", va="top" if steep or spot[1] > 0.93 else "bottom")
         text.set_position((-5 if left else 5, -5 if steep or spot[1] > 0.93 else 4))
+
+
+def _alike(some: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> bool:
+    """Do two sets of curves cover the same ground, up to a mode's own part of it?"""
+    if not some or not others:
+        return False
+    a, b = (np.concatenate([c[np.isfinite(c).all(axis=1)] for c in curves]) for curves in (some, others))
+    size = np.maximum(np.ptp(np.concatenate([a, b]), axis=0), 1e-12)
+    flat = [int(k) for k in range(2) if np.ptp(a[:, k]) <= 1e-9 * size[k] and np.ptp(b[:, k]) <= 1e-9 * size[k]]
+    if flat:  # straight along an axis: the same line, even where the parts differ
+        return bool(abs(a[0, flat[0]] - b[0, flat[0]]) <= 1e-9 * max(1.0, abs(a[0, flat[0]])))
+    return len(a) == len(b) and bool(np.allclose(a, b, rtol=0, atol=1e-6 * size))
 
 
 class Trajectories(Layer):

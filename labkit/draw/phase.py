@@ -156,12 +156,14 @@ class PhasePortrait(View):
         field, lines, points, guards = wanted
         self.notes: list[str] = []
         timed, flat = plane.depends_on_time(limits, self.horizon or 10.0), all(map(plane.is_plane, plane.modes))
-        if timed:
-            self.notes.append(f"flow depends on time: arrows at t = {plane.t:g}, no nullclines or equilibria")
-        elif not flat:
-            self.notes.append("arrows hold for the other states at their start values; no nullclines or equilibria")
-        if plane.chosen is not None and len(self.system.modes) > 1:
-            self.notes.append(f"arrows and lines of mode “{plane.chosen}”")
+        shown = (["arrows"] if field else []) + (["lines"] if lines or guards else [])
+        without = "no nullclines or equilibria" if lines or points else ""
+        if timed and (field or without):
+            self.notes.append("flow depends on time: " + ", ".join(filter(None, [f"arrows at t = {plane.t:g}" if field else "", without])))
+        elif not flat and (field or without):
+            self.notes.append("; ".join(filter(None, ["arrows hold for the other states at their start values" if field else "", without])))
+        if plane.chosen is not None and len(self.system.modes) > 1 and shown:
+            self.notes.append(f"{' and '.join(shown)} of mode “{plane.chosen}”")
         layers: list[Layer] = []
         if field:
             layers.append(DirectionField(axes, plane))

@@ -29,6 +29,9 @@ class View:
     def update(self, run: Any) -> None:
         raise NotImplementedError
 
+    def __repr__(self) -> str:
+        return type(self).__name__  # no address: the saved notebook keeps it
+
     def _repr_png_(self) -> bytes:
         return self.figure.png()
 
