@@ -33,7 +33,7 @@ import numpy as np
 
 from ..model import ModelError, System
 from ..run import write_whole
-from . import core, functions
+from . import core
 from .functions import FLOW, GUARDS, RESET, common_source, fingerprint, references
 
 try:
@@ -106,19 +106,19 @@ def _jit(function: Callable) -> Callable:
 # ---------------------------------------------------------------- the core
 
 
-def _core_source() -> str:
-    """The core's files as one source: each takes from those before it."""
-    lines = [line for name in ("layout", "sliding", "step", "locate", "core") for line in Path(__file__).with_name(f"{name}.py").read_text(encoding="utf8").splitlines()]
-    return "\n".join(line for line in lines if not line.startswith("from ."))
+def _source(name: str) -> str:
+    return Path(__file__).with_name(f"{name}.py").read_text(encoding="utf8")
 
 
-def _core_text() -> str:
-    return _core_source() + Path(__file__).read_text(encoding="utf8")
+# Read when this module is: files that change under a running kernel (an update) must not meet the functions it has.
+#: The core's files as one source: each takes from those before it.
+CORE = "\n".join(line for name in ("layout", "sliding", "step", "locate", "core") for line in _source(name).splitlines() if not line.startswith("from ."))
+HOW = _source("functions") + _source("backend")
 
 
 def _make_core() -> tuple[Callable, object]:
     """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
-    source, fields = _core_source(), core.workspace(*[1] * 14)
+    fields = core.workspace(*[1] * 14)
     from numba import types as nb
     from numba.core.imputils import lower_getattr_generic
     from numba.extending import infer_getattr, intrinsic, models, register_model
@@ -189,7 +189,7 @@ def _make_core() -> tuple[Callable, object]:
         return signature, codegen
 
     space: dict[str, object] = {"__name__": __name__}  # Numba loads what is kept by way of a module that can be imported
-    exec(compile(source, core.__file__, "exec"), space)
+    exec(compile(CORE, core.__file__, "exec"), space)
     space |= {"call": call, "as_workspace": as_workspace}
     exec(
         f"""
@@ -263,8 +263,7 @@ def model_text(system: System) -> str:
     """Everything the compiled model depends on, and so its key."""
     shape = (tuple(system.parameters), [(m, system.states_of(m)) for m in system.modes])
     edges = [(tr.sources, tr.target, tr.direction, tr.tolerance, tr.guard is None, tr.reset is None, tr.priority) for tr in system.transitions]
-    how = Path(functions.__file__).read_text(encoding="utf8") + Path(__file__).read_text(encoding="utf8")
-    return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system)) + how
+    return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system)) + HOW
 
 
 # ---------------------------------------------------------------- who is ready
@@ -403,8 +402,8 @@ def load_core(here: bool = False) -> None:
             if not here and not core_is_kept():
                 subprocess.run([sys.executable, "-m", "labkit.solve"], check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])})
-            _core = _c_function(_core_text(), _make_core)
+            _core = _c_function(CORE + HOW, _make_core)
 
 
 def core_is_kept() -> bool:
-    return _kept(_core_text()).exists()
+    return _kept(CORE + HOW).exists()
