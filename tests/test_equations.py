@@ -2,7 +2,11 @@
 
 import functools
 import math
+import re
+import subprocess
+import sys
 from math import copysign, pi, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +18,7 @@ from labkit.equations import Untraced, equations, jacobian, mode_diagram, parame
 from labkit.model import At, Every, Mode, ModelError, Output, Parameter, System, Transition
 from labkit.show import Table, latex_name
 
+HERE = Path(__file__).resolve().parent.parent
 RATIO = 1.7
 POINTS = (-1.0, 0.0, 0.5, 2.0)
 SLOPES = (0.3, 2.0, -1.0)
@@ -138,6 +143,12 @@ def test_formula_is_the_function(name, t, x, v, k, d):
     assert formula(t, x, v, k, d) == pytest.approx(exact, rel=1e-11, abs=1e-11)
 
 
+@pytest.mark.parametrize("first", ["import labkit.equations", "from labkit import jacobian", "pass"])
+def test_name_of_function_and_module(first):
+    code = f"{first}\nfrom labkit import equations, Mode, System\nprint(equations(System('s', states={{'x': ''}}, modes=[Mode('m', lambda t, s, p: (1.0,))], start={{'x': 0}})))"
+    assert "x' = 1" in subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE).stdout
+
+
 def test_functions_are_left_alone():
     before = dict(sgn.__globals__)
     equations(system_of(FUNCTIONS["helper"]))
@@ -170,9 +181,9 @@ def test_display_keeps_the_helper_and_flows_write_it_out():
     made = equations(friction())
     text = made._repr_markdown_()
     assert r"\dot{x} &= V_{p} - V" in text
-    assert r"\dot{V} &= \frac{k x - F\left(V\right)}{m}" in text
-    assert r"F\left(V\right) &= \begin{cases} F_{c} + \left(F_{s} - F_{c}\right) \left(1 - \frac{V}{\hat V}\right)^{2} & \text{for}\: V < \hat V" in text
-    assert "- **breaks loose**, *stick* → *slip*: when $k x - F_{s}$ rises through 0" in text
+    assert r"\dot{V} &= \frac{k \, x - F\left(V\right)}{m}" in text
+    assert r"F\left(V\right) &= \begin{cases} \left(F_{s} - F_{c}\right) \, \left(1 - \frac{V}{\hat V}\right)^{2} + F_{c} & \text{for}\: V < \hat V" in text
+    assert "- **breaks loose**, *stick* → *slip*: when $k \\, x - F_{s}$ rises through 0" in text
     assert "- *slip* → *stick*: when $V$ falls through 0; then $V^{+} = 0$" in text
     assert "$x$ spring [m], $V$ [m/s]" in text and "Mode *stick* — at rest" in text and "Start in *stick* with $x = 0$ m, $V = 0$ m/s" in text
     V, m, k, x, Fc = (sp.Symbol(n, real=True) for n in ("V", "m", "k", "x", "Fc"))
@@ -203,11 +214,11 @@ def test_words_of_transitions():
     assert "passes through 0, after a dead time of $k$" in text(guard=up, delay="k", **same)
     assert "after a dead time of $0.25$ s" in text(guard=up, delay=0.25, **same)
     assert "every $k$\n" in text(at=Every("k"), **same)
-    assert "every $20$ s, first at $d k$" in text(at=Every(20, lambda p: p.d * p.k), **same)
+    assert "every $20$ s, first at $d \\, k$" in text(at=Every(20, lambda p: p.d * p.k), **same)
     assert "at $t$ = $25$ s, $d$\n" in text(at=At(25, "d"), **same)
     assert "*only* → **end of the run**: when" in text(guard=up, target=None)
     assert "over to *only* (priority 2)" in text(guard=up, zeno="only", priority=2, **same)
-    assert "; then $v^{+} = - k v$" in text(guard=up, reset=lambda t, s, p: (s.x, -p.k * s.v), **same)
+    assert "; then $v^{+} = - k \\, v$" in text(guard=up, reset=lambda t, s, p: (s.x, -p.k * s.v), **same)
     assert "; the state is kept" in text(guard=up, reset=lambda t, s, p: (s.x, s.v), **same)
 
 
@@ -222,7 +233,7 @@ def test_modes_with_states_of_their_own():
     made = equations(torn)
     assert list(made.flows["flight"]) == ["x", "vx"] and made.flows["flight"]["vx"] == -sp.Symbol("g", real=True)
     text = made._repr_markdown_()
-    assert r"x^{+} = L \sin{\left(\theta \right)}" in text and r"v_{x}^{+} = L \omega" in text
+    assert r"x^{+} = L \, \sin{\left(\theta \right)}" in text and r"v_{x}^{+} = L \, \omega" in text
     assert r"\theta^{+} = x" in text  # the reset from flight reads other states than the one from swing
 
 
@@ -241,7 +252,7 @@ def test_what_is_no_formula_is_shown_as_code(function, why):
     system = system_of(FUNCTIONS["constant"], transitions=[Transition("only", "only", guard=function)])
     guard = equations(system).guards[0]
     assert isinstance(guard, Untraced)
-    assert pytest.importorskip("re").search(why, guard.why), guard.why
+    assert re.search(why, guard.why), guard.why
     assert "lambda t, s, p" in guard.source
     assert guard.why in equations(system)._repr_markdown_() and repr(equations(system))
     mode_diagram(system)
@@ -341,10 +352,17 @@ def test_names_in_formulas(name, latex):
     assert latex_name(name) == latex
 
 
+def test_sums_put_states_first_and_constants_last():
+    made = equations(system_of(lambda t, s, p: p.d - 3 * s.v + p.k * t - p.k * s.x))
+    assert r"\dot{v} &= k \, t - k \, x - 3 \, v + d" in made._repr_markdown_()
+    made = equations(system_of(lambda t, s, p: p.d + s.v - 2 * s.x**2 + s.x**3 + 1))
+    assert r"\dot{v} &= x^{3} - 2 \, x^{2} + v + d + 1" in made._repr_markdown_()
+
+
 def test_numbers_in_formulas():
     made = equations(system_of(FUNCTIONS["constants"]))
     assert [made.latex(x) for x in (0.1, 2.0, 1e20, 6.6743e-11, 2 / 3, math.pi, 2 * math.pi / 3, "k", lambda p: p.k * p.d)] == [
-        "0.1", "2", "10^{20}", r"6.6743 \cdot 10^{-11}", "0.666667", r"\pi", r"\frac{2 \pi}{3}", "k", "d k"]
+        "0.1", "2", "10^{20}", r"6.6743 \cdot 10^{-11}", "0.666667", r"\pi", r"\frac{2 \, \pi}{3}", "k", r"d \, k"]
 
 
 def graph(n, edges, start=0):
@@ -382,5 +400,5 @@ def test_labels_of_a_mode_diagram_never_overlap(data, n):
 def test_mode_diagram_shows_conditions_and_is_the_same_every_time():
     fig = mode_diagram(friction())
     texts = [text.get_text() for text in check_labels(fig)]
-    assert "breaks loose\n" + r"$k x - F_{s} \uparrow 0$" in texts and "at rest" in texts
+    assert "breaks loose\n" + r"$k \, x - F_{s} \uparrow 0$" in texts and "at rest" in texts
     assert fig._repr_png_() == mode_diagram(friction())._repr_png_() and len(fig._repr_png_()) < 60_000

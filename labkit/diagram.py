@@ -1,0 +1,235 @@
+"""The modes of a system and the transitions between them as a picture: boxes in a row, arcs above (forward) and below (back).
+
+    mode_diagram(boost)
+
+In a row arcs nest and never meet a box, whatever the graph. Every label is measured and set at the lowest height where it
+meets neither another label nor another arc (in a crowd perhaps a line, never a label). One data unit is one inch.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass, field
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.mathtext import MathTextParser
+from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch
+from matplotlib.path import Path
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+from .draw.figure import INK, Figure, figure, mode_colors, style, tint
+from .equations import Equations, equations
+from .model import At, Every, System, Transition
+
+__all__ = ["mode_diagram"]
+
+LINE = "#555555"
+CLEAR = 0.04  # inches kept free round every label
+LETTERS = {1: 24, 2: 22, 3: 18, 4: 15}  # a label's line, by the number of modes; 12 with more
+
+
+@dataclass
+class _Node:
+    """A box, or the end mark (no texts), by its centre; y = 0 for all."""
+
+    width: float
+    height: float
+    texts: list[Text] = field(default_factory=list)
+    x: float = 0.0
+
+
+@dataclass
+class _Arc:
+    source: int
+    target: int
+    text: Text | None
+    dashed: bool = False
+    ends: list[float] = field(default_factory=lambda: [0.0, 0.0])  # x where it leaves and where it arrives
+    control: np.ndarray | None = None  # (4, 2) of its Bézier curve
+    points: np.ndarray | None = None
+    box: Bbox | None = None  # of its label
+
+    @property
+    def side(self) -> int:
+        return -1 if self.target < self.source else 1
+
+
+def mode_diagram(system: System) -> Figure:
+    """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as labelled arrows, dot = start, ring = end.
+
+    Under a transition's name stands its condition: y ↓ 0 means that y falls through 0. Dashed: taken when events pile up (Zeno).
+    """
+    with style():
+        fig = figure()
+        fig.set_layout_engine("none")
+        axes = fig.axes[0]
+        axes.set_position([0, 0, 1, 1])
+        axes.set_axis_off()
+        nodes = _nodes(axes, system)
+        arcs = _arcs(axes, system)
+        _place_nodes(nodes, arcs)
+        _place_ends(nodes, arcs)
+        _place_labels(nodes, arcs)
+        _draw(fig, axes, system, nodes, arcs)
+    return fig
+
+
+def _nodes(axes: Axes, system: System) -> list[_Node]:
+    nodes = []
+    for name, mode in system.modes.items():
+        texts = [_text(axes, textwrap.fill(name, 16), 10.5, fontweight="bold")]
+        if mode.meaning:
+            texts.append(_text(axes, textwrap.fill(mode.meaning, 20), 8.5))
+        sizes = [_size(text) for text in texts]
+        nodes.append(_Node(max(0.9, max(w for w, _ in sizes) + 0.3), sum(h for _, h in sizes) + 0.07 * len(texts) + 0.24, texts))
+    height = max(node.height for node in nodes)
+    for node in nodes:
+        node.height = height
+    return [*nodes, _Node(0.3, 0.3)] if any(tr.target is None for tr in system.transitions) else nodes
+
+
+def _arcs(axes: Axes, system: System) -> list[_Arc]:
+    keys = {name: i for i, name in enumerate([*system.modes, None])}
+    letters = LETTERS.get(len(system.modes), 12)
+    formulas = equations(system)
+    arcs = []
+    for k, tr in enumerate(system.transitions):
+        words = "\n".join(filter(None, [textwrap.fill(tr.label, letters), _condition(axes, formulas, k, tr, letters)]))
+        sources = sorted(tr.sources, key=lambda source: -abs(keys[source] - keys[tr.target]))
+        for i, source in enumerate(sources):  # from three sources on, one label at the widest arc is enough
+            text = _text(axes, words, 9) if words and (i == 0 or len(sources) < 3) else None
+            arcs.append(_Arc(keys[source], keys[tr.target], text))
+        arcs += [_Arc(keys[source], keys[tr.zeno], _text(axes, "Zeno", 9), dashed=True) for source in sources if tr.zeno not in (None, source)]
+    return arcs
+
+
+def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters: int) -> str:
+    """The second line of a label; nothing where it is too long or more than Matplotlib can set."""
+    guard = formulas.guards[k]
+    if isinstance(tr.at, Every):
+        text = f"every ${formulas.latex(tr.at.period)}$" + ("" if tr.at.first is None else f", first ${formulas.latex(tr.at.first)}$")
+    elif isinstance(tr.at, At):
+        text = "at $t = " + ",\\ ".join(map(formulas.latex, tr.at.instants)) + "$"
+    elif hasattr(guard, "why"):
+        return ""
+    else:
+        text = f"${formulas.latex(guard)} {({-1: chr(92) + 'downarrow', 1: chr(92) + 'uparrow', 0: '='})[tr.direction]} 0$"
+    if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay:
+        text += f", delay ${formulas.latex(tr.delay)}$"
+    try:
+        MathTextParser("path").parse(text)
+    except ValueError:
+        return ""
+    trial = _text(axes, text, 9)
+    width = _size(trial)[0]
+    trial.remove()
+    return text if width < letters * 0.09 else ""
+
+
+def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
+    return axes.text(0, 0, words, ha="center", va="center", fontsize=size, color=INK, linespacing=1.25, zorder=5, **options)
+
+
+def _size(text: Text) -> tuple[float, float]:
+    """Width and height in inches."""
+    box = text.get_window_extent(text.figure.canvas.get_renderer())
+    return box.width / text.figure.dpi, box.height / text.figure.dpi
+
+
+def _place_nodes(nodes: list[_Node], arcs: list[_Arc]) -> None:
+    """From left to right, with gaps that hold the labels between neighbours."""
+    x = 0.0
+    for i, node in enumerate(nodes):
+        widths = [_size(arc.text)[0] for arc in arcs if arc.text and {arc.source, arc.target} == {i - 1, i}]
+        x += 0.0 if i == 0 else max(0.75, max(widths, default=0) - 0.15)
+        node.x = x + node.width / 2
+        x += node.width
+
+
+def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
+    """Spread the arcs over the top and bottom edges so that those of one box nest: short ones outside, self loops amid."""
+    for i, node in enumerate(nodes):
+        for side in (1, -1):
+            here = []
+            for k, arc in enumerate(arcs):
+                span = abs(arc.source - arc.target)
+                for end, (me, other) in enumerate(((arc.source, arc.target), (arc.target, arc.source))):
+                    if me == i and arc.side == side:
+                        order = (0, k + 1 if end else -k - 1) if span == 0 else (-1, (span, k)) if other < i else (1, (-span, -k))
+                        here.append((order, arc, end))
+            here.sort(key=lambda item: (item[0][0], item[0][1]))
+            for position, (_, arc, end) in enumerate(here):
+                arc.ends[end] = node.x + node.width * 0.84 * ((position + 0.5) / len(here) - 0.5)
+
+
+def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
+    """Short arcs first; each as low as its label, and the arcs and labels that lie already, allow."""
+    done: list[_Arc] = []
+    for arc in sorted(arcs, key=lambda arc: abs(arc.ends[0] - arc.ends[1])):
+        span = abs(arc.ends[0] - arc.ends[1])
+        size = np.array(_size(arc.text)) if arc.text else np.zeros(2)
+        lowest = 0.34 + 0.12 * span
+        trials = [(lowest + 0.07 * k, shift) for k in range(60) for shift in (0.0, -0.12, 0.12, -0.25, 0.25, -0.4, 0.4) if abs(shift) <= 0.3 * max(span, 0.5)]
+        best = None
+        for height, shift in trials:
+            _shape(nodes, arc, height)
+            top = arc.points[:, 1].max() if arc.side > 0 else arc.points[:, 1].min()
+            middle = np.array([sum(arc.ends) / 2 + shift, top + arc.side * (0.05 + size[1] / 2)])
+            arc.box = Bbox([middle - size / 2, middle + size / 2]) if arc.text else None
+            clashes = sum(_clash(arc, other) for other in done if other.side == arc.side)
+            if best is None or clashes < best[0]:
+                best = clashes, arc.control, arc.points, arc.box
+            if clashes == 0:
+                break
+        _, arc.control, arc.points, arc.box = best
+        done.append(arc)
+
+
+def _shape(nodes: list[_Node], arc: _Arc, height: float) -> None:
+    (x0, y0), (x1, y1) = ((x, arc.side * nodes[k].height / 2) for x, k in zip(arc.ends, (arc.source, arc.target), strict=True))
+    bulge = 0.3 * np.sign(x1 - x0) if arc.source == arc.target else 0.0  # a self loop is rounder
+    top = arc.side * (max(abs(y0), abs(y1)) + 4 / 3 * height)
+    arc.control = np.array([(x0, y0), (x0 - bulge, top), (x1 + bulge, top), (x1, y1)])
+    u = np.linspace(0, 1, 41)[:, None]
+    arc.points = sum(c * w for c, w in zip(arc.control, ((1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3), strict=True))
+
+
+def _clash(a: _Arc, b: _Arc) -> int:
+    """How bad it is that two arcs lie as they do: 100 for a label on a label, 1 for a label on a line."""
+    count = 100 * int(a.box is not None and b.box is not None and a.box.padded(CLEAR).overlaps(b.box))
+    return count + sum(one.box is not None and one.box.padded(CLEAR).count_contains(other.points) > 0 for one, other in ((a, b), (b, a)))
+
+
+def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: list[_Arc]) -> None:
+    colors = mode_colors(system)
+    for node, (name, color) in zip(nodes, colors.items(), strict=False):
+        corner = node.x - node.width / 2, -node.height / 2
+        axes.add_patch(FancyBboxPatch(corner, node.width, node.height, boxstyle="round,pad=0,rounding_size=0.12", fc=tint(color, 0.18), ec=color, lw=1.8, zorder=3))
+        sizes = [_size(text)[1] for text in node.texts]
+        y = (sum(sizes) + 0.07 * (len(sizes) - 1)) / 2
+        for text, height in zip(node.texts, sizes, strict=True):
+            text.set_position((node.x, y - height / 2))
+            y -= height + 0.07
+        if callable(system.mode) or system.mode == name:  # where a run begins; an open dot where the start state decides
+            edge = node.x - node.width / 2
+            axes.add_patch(FancyArrowPatch((edge - 0.36, 0), (edge, 0), arrowstyle="-|>", mutation_scale=11, lw=1.3, color=LINE, shrinkA=0, shrinkB=0))
+            axes.add_patch(Circle((edge - 0.36, 0), 0.055, fc="white" if callable(system.mode) else LINE, ec=LINE, lw=1.3, zorder=4))
+    for node in nodes[len(colors):]:
+        axes.add_patch(Circle((node.x, 0), 0.15, fc="white", ec=LINE, lw=1.3, zorder=3))
+        axes.add_patch(Circle((node.x, 0), 0.085, fc=LINE, ec=LINE, zorder=4))
+    for arc in arcs:
+        path = Path(arc.control, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
+        axes.add_patch(FancyArrowPatch(path=path, arrowstyle="-|>", mutation_scale=11, lw=1.3, color=LINE, ls="--" if arc.dashed else "-"))
+        if arc.text and arc.box:
+            arc.text.set_position(((arc.box.x0 + arc.box.x1) / 2, (arc.box.y0 + arc.box.y1) / 2))
+    title = axes.text(0, 0, f"{system.name}: modes and transitions", fontsize=11, color=INK, ha="left", va="top")
+    boxes = [arc.box for arc in arcs if arc.box] + [Bbox([arc.points.min(axis=0), arc.points.max(axis=0)]) for arc in arcs]
+    boxes += [Bbox.from_bounds(node.x - node.width / 2 - 0.42, -node.height / 2, node.width + 0.42, node.height) for node in nodes]
+    whole = Bbox.union(boxes).padded(0.15)
+    whole.x1 = max(whole.x1, whole.x0 + _size(title)[0] + 0.3)
+    whole.y1 += 0.3
+    title.set_position((whole.x0 + 0.1, whole.y1 - 0.08))
+    fig.set_size_inches(whole.width, whole.height)
+    axes.set(xlim=(whole.x0, whole.x1), ylim=(whole.y0, whole.y1))

@@ -1,0 +1,351 @@
+"""A System as mathematics: the functions that are simulated, traced with SymPy. There is no second copy to disagree.
+
+    equations(ball)                          # shows every mode, guard, reset and output in LaTeX
+    equations(ball).flows["flight"]["v"]     # SymPy expressions: -g
+    jacobian(ball)                           # ∂f/∂s of a mode; jacobian(ball).at({"y": 1, "v": 0}, g=1.62) in numbers
+    parameter_table(ball)
+    mode_diagram(ball)                       # modes and transitions as a picture
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import textwrap
+import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from sympy.core.function import AppliedUndef
+from sympy.printing.latex import LatexPrinter
+
+from .model import At, Every, ModelError, System, Transition, listed
+from .show import Table, latex_name, split_name
+from .trace import Quantity, Tracer, Untraceable, expression
+
+__all__ = ["Equations", "Jacobian", "Untraced", "equations", "jacobian", "mode_diagram", "parameter_table"]
+
+
+@dataclass(frozen=True)
+class Untraced:
+    """Stands where a function could not be made a formula: its source text, and why."""
+
+    source: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"(shown as code, because {self.why})\n{self.source}"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A transition as seen from source modes that have the same states."""
+
+    transition: Transition
+    sources: tuple[str, ...]
+    guard: Any
+    reset: Any
+
+
+class Equations:
+    """The equations of a system, as made by `equations(system)`; the last line of a cell shows them.
+
+    flows     mode -> {state: expression of its derivative}
+    guards    one expression a transition, in their order; None where a schedule stands instead
+    resets    one {state after: expression in the states before} a transition; None where the state is kept
+    outputs   output -> {mode: expression}
+    Symbols are real and carry the Python names: sympy.Symbol("x", real=True). Helper functions with cases are
+    written out in these; the display keeps their names. What cannot be traced is an `Untraced` in its place.
+    """
+
+    def __init__(self, system: System):
+        self.system = system
+        self.t = sp.Symbol("t", real=True)
+        self.states = {name: sp.Symbol(name, real=True) for name in system.units}
+        self.parameters = {name: sp.Symbol(name, real=True) for name in system.parameters}
+        self._tracer = Tracer([*self.states.values(), self.t])
+        self._p = system.P(*map(Quantity, self.parameters.values()))
+        self._shown = {mode: self._trace(what.flow, mode, system.states_of(mode)) for mode, what in system.modes.items()}
+        self._rows = [self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)]
+        self._output = {name: {mode: self._trace(f, mode) for mode, f in self._functions(name).items()} for name in system.outputs}
+        self.flows = {mode: self._expand(shown) for mode, shown in self._shown.items()}
+        first = {id(row.transition): row for row in reversed(self._rows)}
+        self.guards = [self._expand(first[id(tr)].guard) for tr in system.transitions]
+        self.resets = [self._expand(first[id(tr)].reset) for tr in system.transitions]
+        self.outputs = {name: {mode: self._expand(e) for mode, e in modes.items()} for name, modes in self._output.items()}
+
+    def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
+        """An expression, or {name: expression} where names are given, or Untraced."""
+        s = self.system.S[mode](*(Quantity(self.states[name]) for name in self.system.states_of(mode)))
+        try:
+            result = self._tracer.trace(function, Quantity(self.t), s, self._p)
+            if names is None and isinstance(result, tuple):
+                raise Untraceable(f"it returns {len(result)} values and not one number")
+            if names is None:
+                return result
+            result = result if isinstance(result, tuple) else (result,)
+            if len(result) != len(names):
+                raise Untraceable(f"it returns {len(result)} values for the {len(names)} states {listed(names)}")
+            return dict(zip(names, result, strict=True))
+        except Untraceable as error:
+            return Untraced(_source(function), str(error))
+
+    def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
+        guard = None if tr.guard is None else self._trace(tr.guard, sources[0])
+        target = self.system.states_of(tr.target or sources[0])
+        return _Row(tr, sources, guard, None if tr.reset is None else self._trace(tr.reset, sources[0], target))
+
+    def _functions(self, output: str) -> Mapping[str, Callable]:
+        function = self.system.outputs[output].function
+        return function if isinstance(function, Mapping) else dict.fromkeys(self.system.modes, function)
+
+    def _expand(self, what: Any) -> Any:
+        if isinstance(what, Mapping):
+            return {name: self._expand(e) for name, e in what.items()}
+        return self._tracer.expand(what) if isinstance(what, sp.Expr) else what
+
+    def latex(self, what: sp.Basic | float | str | Callable) -> str:
+        """equations(system).latex(e) -> LaTeX with the system's symbols; also of a number, a parameter's name or f(p)."""
+        if callable(what) and not isinstance(what, sp.Basic):
+            try:
+                what = self._tracer.trace(what, self._p)
+            except Untraceable:
+                return rf"\text{{{getattr(what, '__name__', 'a function of p')}}}"
+        if isinstance(what, str):
+            what = self.parameters[what]
+        return _Printer(self).doprint(what if isinstance(what, sp.Basic) else expression(what))
+
+    def _repr_markdown_(self) -> str:
+        system = self.system
+        states = ", ".join(f"${latex_name(n)}$" + (f" {system.meanings[n]}" if system.meanings[n] else "") + (f" [{u}]" if u else "") for n, u in system.units.items())
+        parts = [f"**{system.name}**: states {states}"]
+        for mode in system.modes.values():
+            title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
+            shown = self._shown[mode.name]
+            if isinstance(shown, Untraced):
+                parts.append(_code(title, shown))
+            else:
+                lines = (rf"{_dot(name)} &= {self.latex(e)}" for name, e in shown.items())
+                parts += [title, "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"]
+        parts += self._output_parts()
+        if self._tracer.definitions:
+            heads = ((latex_name(d.name), ", ".join(map(self.latex, d.args)), self.latex(d.e)) for d in self._tracer.definitions.values())
+            lines = (rf"{name}" + (rf"\left({args}\right)" if args else "") + f" &= {e}" for name, args, e in heads)
+            parts += ["where", "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"]
+        if self._rows:
+            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in self._rows)]
+        parts.append(self._start())
+        return "\n\n".join(parts)
+
+    def _output_parts(self) -> list[str]:
+        lines, parts = [], []
+        for name, modes in self._output.items():
+            if bad := next((e for e in modes.values() if isinstance(e, Untraced)), None):
+                parts.append(_code(f"Output ${latex_name(name)}$", bad))
+                continue
+            same = len(modes) == len(self.system.modes) and len({*modes.values()}) == 1
+            for mode, e in list(modes.items())[: 1 if same else None]:
+                lines.append(rf"{latex_name(name)} &= {self.latex(e)}" + ("" if same else rf" && \text{{({mode})}}"))
+        return [*(["Outputs", "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"] if lines else []), *parts]
+
+    def _words(self, row: _Row) -> str:
+        """**bounce**, flight → flight: when $y$ falls through 0; then $v^{+} = - e v$."""
+        tr = row.transition
+        arrow = f"{' or '.join(f'*{name}*' for name in row.sources)} → {f'*{tr.target}*' if tr.target else '**end of the run**'}"
+        text = (f"**{tr.label}**, " if tr.label else "") + f"{arrow}: {self.condition(tr, row.guard)}"
+        if isinstance(row.reset, Untraced):
+            text += f"; then the state is changed by\n\n{textwrap.indent(_code('', row.reset).strip(), '  ')}\n"
+        elif row.reset:
+            changed = {n: e for n, e in row.reset.items() if e != self.states[n] or n not in self.system.states_of(row.sources[0])}
+            after = (rf"${latex_name(n)}^{{+}} = {self.latex(e)}$" for n, e in changed.items())
+            text += f"; then {', '.join(after)}" if changed else "; the state is kept"
+        if tr.zeno:
+            text += f"; if infinitely many of these pile up: over to *{tr.zeno}*"
+        return text + (f" (priority {tr.priority:g})" if tr.priority else "")
+
+    def condition(self, tr: Transition, guard: Any) -> str:
+        """When a transition fires, in words and LaTeX."""
+        if isinstance(tr.at, Every):
+            text = f"every {self._time(tr.at.period)}" + ("" if tr.at.first is None else f", first at {self._time(tr.at.first)}")
+        elif isinstance(tr.at, At):
+            text = "at $t$ = " + ", ".join(map(self._time, tr.at.instants))
+        elif isinstance(guard, Untraced):
+            text = f"when its guard {_WAYS[tr.direction]} 0 (a guard shown as code, because {guard.why}: `{' '.join(guard.source.split())}`)"
+        else:
+            text = f"when ${self.latex(guard)}$ {_WAYS[tr.direction]} 0"
+        text += f" by more than {tr.tolerance:g}" if tr.tolerance else ""
+        text += f", or is {'above' if tr.direction > 0 else 'below'} 0 already when the mode is entered" if tr.urgent else ""
+        return text + (f", after a dead time of {self._time(tr.delay)}" if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay else "")
+
+    def _time(self, value: Any) -> str:
+        return f"${self.latex(value)}$" + ("" if isinstance(value, str) or callable(value) else f" {self.system.time}")
+
+    def _start(self) -> str:
+        system = self.system
+        at = ", ".join(f"${latex_name(n)} = {self.latex(v)}$ {system.units[n]}".strip() for n, v in system.start.items())
+        return "Start " + ("in the mode that suits the state" if callable(system.mode) else f"in *{system.mode}*") + (f" with {at}" if at else "")
+
+    def __repr__(self) -> str:
+        lines = [self.system.name]
+        for mode, flow in self.flows.items():
+            lines += [f"  {mode}:", *([textwrap.indent(str(flow), "    ")] if isinstance(flow, Untraced) else (f"    {n}' = {e}" for n, e in flow.items()))]
+        for tr, guard, reset in zip(self.system.transitions, self.guards, self.resets, strict=True):
+            when = self.condition(tr, guard).replace("$", "") if guard is None else f"{guard} {_WAYS[tr.direction]} 0"
+            lines.append(f"  {tr.name}: {when}" + (f"; then {reset}" if reset else ""))
+        return "\n".join(lines)
+
+
+_WAYS = {-1: "falls through", 0: "passes through", 1: "rises through"}
+
+
+def equations(system: System) -> Equations:
+    """equations(system) -> Equations: per mode the differential equations, then transitions, outputs and start.
+
+    The formulas come from the functions themselves, called with symbols; see `labkit.trace`. `.flows`, `.guards`, `.resets`
+    and `.outputs` hold SymPy expressions. A function that is no formula is shown as its source, with the reason; no exception.
+    """
+    _check(system, "equations")
+    return Equations(system)
+
+
+class Jacobian(sp.ImmutableDenseMatrix):
+    """The matrix ∂f/∂s of one mode: a SymPy matrix that is shown in the system's symbols and has `.at` for numbers."""
+
+    equations: Equations
+    mode: str
+
+    def at(self, state: Mapping[str, float] | None = None, t: float = 0.0, **parameters: float) -> np.ndarray:
+        """jacobian(system).at({"x": 1, "v": 0}, k=2) -> (n, n) array at that state; what is left out is as in the system.
+
+        Raises ModelError for an unknown or missing state or parameter.
+        """
+        system = self.equations.system
+        names = system.states_of(self.mode)
+        state = {**{n: system.start[n] for n in names if n in system.start}, **(state or {})}
+        values = [t, *system.check_start(state, self.mode), *system.values(parameters)]
+        symbols = [self.equations.t, *(self.equations.states[n] for n in names), *self.equations.parameters.values()]
+        return np.array(sp.lambdify(symbols, sp.Matrix(self), "numpy")(*values), dtype=float)
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self.equations.latex(sp.ImmutableDenseMatrix(self))}$"
+
+
+def jacobian(system: System, mode: str | None = None) -> Jacobian:
+    """jacobian(system, "slip") -> Jacobian: the matrix of ∂(derivative i)/∂(state j) of a mode (default: the start mode).
+
+    Right between switching instants: at a jump of sign, floor or of a case the derivative does not exist, beside it their part is 0.
+    Raises ModelError for an unknown mode, or where the flow could not be traced.
+    """
+    made = equations(system)
+    mode = mode if mode is not None else next(iter(system.modes)) if callable(system.mode) else system.mode
+    if mode not in system.modes:
+        raise ModelError(f"{mode!r} is not a mode of {system.name!r}; there are {listed(system.modes)}")
+    flow = made.flows[mode]
+    if isinstance(flow, Untraced):
+        raise ModelError(f"the flow of mode {mode!r} has no Jacobian: it cannot be written as a formula, because {flow.why}")
+    result = Jacobian([[_derivative(e, made.states[n]) for n in system.states_of(mode)] for e in flow.values()])
+    result.equations, result.mode = made, mode
+    return result
+
+
+def _derivative(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
+    """Steps are constant between their jumps; SymPy alone would give Dirac pulses and unevaluated derivatives of floor."""
+    e = e.replace(sp.Mod, lambda a, b: a - b * sp.floor(a / b))
+    steps = {step: sp.Dummy(real=True) for step in e.atoms(sp.sign, sp.floor, sp.ceiling, sp.Heaviside)}
+    return sp.diff(e.xreplace(steps), x).xreplace({dummy: step for step, dummy in steps.items()}).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+
+
+def parameter_table(system: System) -> Table:
+    """parameter_table(system) -> Table: symbol, name in the code, meaning, value, unit and range of every parameter."""
+    _check(system, "parameter_table")
+    rows = []
+    for name, what in system.parameters.items():
+        low, high = (None if bound is None else _plain(bound) for bound in (what.low, what.high))
+        span = f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else "any"
+        rows.append((f"${what.symbol or latex_name(name)}$", f"`{name}`", what.meaning, _plain(what.value), what.unit, span))
+    return Table(("symbol", "in the code", "meaning", "value", "unit", "range"), rows)
+
+
+def mode_diagram(system: System) -> Any:
+    """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as labelled arrows; see `labkit.diagram`."""
+    from .diagram import mode_diagram as draw  # Matplotlib is loaded only for a picture
+
+    _check(system, "mode_diagram")
+    return draw(system)
+
+
+def _check(system: object, who: str) -> None:
+    if not isinstance(system, System):
+        raise ModelError(f"{who} takes a System, not {type(system).__name__}")
+
+
+def _plain(value: float) -> str:
+    return f"{value:.10g}".replace("-", "−")
+
+
+def _groups(system: System, tr: Transition) -> list[tuple[str, ...]]:
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for source in tr.sources:
+        groups.setdefault(system.states_of(source), []).append(source)
+    return [tuple(group) for group in groups.values()]
+
+
+def _dot(name: str) -> str:
+    head, index = split_name(name)
+    return rf"\dot{{{head}}}" + (f"_{{{index}}}" if index else "")
+
+
+def _source(function: Callable) -> str:
+    try:
+        return textwrap.dedent(inspect.getsource(function)).strip()
+    except (OSError, TypeError):
+        return f"{getattr(function, '__name__', repr(function))}(t, s, p): …  # its source is not at hand"
+
+
+def _code(title: str, what: Untraced) -> str:
+    return f"{title}\n\n```python\n{what.source}\n```\n\nShown as code, because {what.why}."
+
+
+class _Printer(LatexPrinter):
+    """SymPy's LaTeX with the system's symbols, named helpers, short decimals; sums: states first, constants last, no leading minus."""
+
+    def __init__(self, owner: Equations):
+        super().__init__({"ln_notation": True, "inv_trig_style": "full", "mul_symbol": r" \, "})  # e v is not a variable "ev"
+        self._owner = owner
+
+    def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:
+        parameter = self._owner.system.parameters.get(expr.name) if expr == self._owner.parameters.get(expr.name) else None
+        return parameter.symbol if parameter and parameter.symbol else latex_name(expr.name)
+
+    _print_Dummy = _print_Symbol
+
+    def _print_Function(self, expr: Any, exp: str | None = None) -> str:
+        definition = self._owner._tracer.definitions.get(expr.func.__name__) if isinstance(expr, AppliedUndef) else None
+        if definition is None:
+            return super()._print_Function(expr, exp)
+        put = dict(zip(definition.formals, expr.args, strict=True))
+        args = ", ".join(self._print(put.get(a, a)) for a in definition.args)
+        return latex_name(definition.name) + (rf"\left({args}\right)" if args else "") + (f"^{{{exp}}}" if exp else "")
+
+    def _print_Float(self, expr: sp.Float) -> str:
+        mantissa, _, power = f"{float(expr):.6g}".partition("e")
+        return mantissa if not power else f"10^{{{int(power)}}}" if mantissa == "1" else rf"{mantissa} \cdot 10^{{{int(power)}}}"
+
+    def _as_ordered_terms(self, expr: sp.Add, order: str | None = None) -> list[sp.Expr]:
+        rank = {x: i for i, x in enumerate([*self._owner.states.values(), self._owner.t])}
+        terms = sorted(super()._as_ordered_terms(expr, order), key=lambda term: min((rank.get(x, 99) for x in term.free_symbols), default=99))
+        positive = next((k for k, term in enumerate(terms) if not term.could_extract_minus_sign()), 0)
+        return [terms[positive], *terms[:positive], *terms[positive + 1:]]
+
+
+class _Callable(types.ModuleType):
+    """`labkit.equations` is this module as soon as anything has imported it, and the function before: both must do the same."""
+
+    def __call__(self, system: System) -> Equations:
+        return equations(system)
+
+
+sys.modules[__name__].__class__ = _Callable

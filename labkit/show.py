@@ -1,0 +1,93 @@
+"""How names and small tables are shown. One rule for equations, tables and axes; it needs neither SymPy nor Matplotlib.
+
+    latex_name("omega1")  ->  \\omega_{1}        latex_name("Vp")  ->  V_{p}        latex_name("mass")  ->  \\mathrm{mass}
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["Table", "latex_name", "split_name"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Table(("symbol", "value"), rows, "Parameters"): shows itself in a notebook; cells are Markdown, str(table) is plain text."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+
+    def _repr_markdown_(self) -> str:
+        lines = ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in (self.head, *self.rows)]
+        lines.insert(1, "|" + ":---|" * len(self.head))
+        return (f"**{self.title}**\n\n" if self.title else "") + "\n".join(lines)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        cells = [[str(cell) for cell in row] for row in (self.head, *self.rows)]
+        wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in cells]
+        return "\n".join([self.title, *lines] if self.title else lines)
+
+GREEK = frozenset(
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi omega "
+    "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
+)
+_SHORT = {"lam": "lambda", "lamda": "lambda", "eps": "epsilon", "om": "omega"}
+_VARIANT = {"epsilon": "\\varepsilon", "phi": "\\varphi"}  # the forms that a course on mechanics prints
+_WORDS = frozenset("max min ref low high in out eq crit rest set off on".split())  # what an index is often called
+
+
+def latex_name(name: str) -> str:
+    """latex_name("F_s") -> "F_{s}": the LaTeX of a state, parameter or helper from its Python name."""
+    head, index = split_name(name)
+    return f"{head}_{{{index}}}" if index else head
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """split_name("omega1") -> ("\\\\omega", "1"): the letter, which may carry a dot, and the index below it ("" if none).
+
+    Greek letters are spelled (omega, phi1, lambda_) or written (ω); what follows _ or is a number is an index, and so is the
+    second part of a short name like Vp, iL, Td, kr, Cmax, vref. Other names of several letters are words: mass, restitution.
+    """
+    first, *rest = [part for part in _spelled(name).split("_") if part] or [name]
+    head, below = first, ""
+    if first not in GREEK and first not in _WORDS and len(first) > 1:
+        greek = next((first[:k] for k in range(len(first) - 1, 1, -1) if first[:k] in GREEK), "")
+        tail = first[len(greek):] if greek else first[1:]
+        if tail.isdigit() or tail in _WORDS or (greek and len(tail) == 1) or (not greek and _is_index(first[0], tail)):
+            head, below = first[: len(first) - len(tail)], tail
+        elif match := re.fullmatch(r"(\D{2,})(\d+)", first):  # mass2
+            head, below = match.groups()
+    return _letter(head), ",".join(_letter(part) for part in [below, *rest] if part)
+
+
+def _is_index(letter: str, tail: str) -> bool:
+    """Vp, iL, Fs, kw, Hst, ktr are a letter with an index; gap and rod are words."""
+    return len(tail) == 1 or (len(tail) == 2 and not set(tail.lower()) & set("aeiouy")) or (len(tail) == 2 and letter.isupper() and tail.islower())
+
+
+def _spelled(name: str) -> str:
+    """Greek letters written as such become their names: ω0 -> omega0."""
+    parts = []
+    for char in name:
+        words = unicodedata.name(char, "").split()
+        if words[:1] == ["GREEK"] and words[-2:-1] == ["LETTER"]:
+            word = {"LAMDA": "lambda"}.get(words[-1], words[-1].lower())
+            parts.append(word.capitalize() if words[1] == "CAPITAL" else word)
+        else:
+            parts.append(char)
+    return "".join(parts)
+
+
+def _letter(part: str) -> str:
+    part = _SHORT.get(part, part)
+    if part in GREEK:
+        return _VARIANT.get(part, f"\\{part}")
+    return part if len(part) == 1 or part.isdigit() or (len(part) == 2 and part[1].isdigit()) else f"\\mathrm{{{part}}}"

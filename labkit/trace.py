@@ -1,0 +1,446 @@
+"""Python functions of a model turned into SymPy expressions by calling them: every branch, every helper, no second copy.
+
+    tracer = Tracer()
+    tracer.trace(flow, t, s, p)    # t, s.x, p.k are Quantity(sympy.Symbol("t")), …; a tuple of expressions, or one expression
+
+The function that is called is a copy whose globals are rebound: math, numpy and what was imported from them become SymPy's,
+helper functions become copies in turn. Numbers are Quantity objects, so SymPy itself is left alone. A comparison that is asked
+for its truth (if, and, or, while) follows a recorded path; all paths are walked and joined in a Piecewise.
+"""
+
+from __future__ import annotations
+
+import builtins
+import contextvars
+import functools
+import inspect
+import math
+import operator
+import types
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from sympy.core.function import AppliedUndef
+from sympy.core.parameters import distribute
+
+from .model import ModelError
+
+__all__ = ["Definition", "Quantity", "Tracer", "Untraceable", "expression"]
+
+MAX_PATHS = 64  # a function with more branches than this is better read as code
+MAX_QUESTIONS = 2000  # comparisons on one path: a `while` that never ends must not hang
+
+
+class Untraceable(ModelError):
+    """A function cannot be written as a formula; the message says why. `equations` then shows its source instead."""
+
+
+def expression(value: object) -> sp.Expr:
+    """expression(0.5) -> SymPy number, exact where that is certain: whole numbers, simple multiples of pi. TypeError for non-numbers."""
+    if isinstance(value, Quantity):
+        return value.e
+    if isinstance(value, sp.Expr):
+        return value
+    if not isinstance(value, Real | np.bool_ | np.ndarray) or np.ndim(value):
+        raise TypeError(f"{type(value).__name__} is not a number")
+    number = float(value)
+    if number.is_integer() and abs(number) < 1e6:
+        return sp.Integer(int(number))
+    turns = Fraction(number / math.pi).limit_denominator(12) if abs(number) < 100 else Fraction(0)
+    if turns and number in (float(turns) * math.pi, turns.numerator * math.pi / turns.denominator):
+        return sp.Rational(turns.numerator, turns.denominator) * sp.pi
+    return sp.Float(number)
+
+
+class _Path:
+    """One way through a function: the answers to give first, then True; `taken` is what was asked and answered."""
+
+    def __init__(self, prefix: list[tuple[Any, bool]]):
+        self.prefix = prefix
+        self.taken: list[tuple[Any, bool]] = []
+        self.known: dict[Any, bool] = {}
+        self.asked = 0
+
+    def decide(self, condition: Any) -> bool:
+        self.asked += 1
+        if self.asked > MAX_QUESTIONS:
+            raise Untraceable("it makes too many comparisons: perhaps a loop that ends only for numbers")
+        if condition in self.known:
+            return self.known[condition]
+        answer = self.prefix[len(self.taken)][1] if len(self.taken) < len(self.prefix) else True
+        self.taken.append((condition, answer))
+        self.known |= {condition: answer, sp.Not(condition): not answer}
+        return answer
+
+
+_PATH: contextvars.ContextVar[_Path] = contextvars.ContextVar("path")
+
+
+class Quantity:
+    """Quantity(expression): stands for a number in a traced function; arithmetic, comparisons, no value."""
+
+    __array_ufunc__ = None  # so that np.float64(2.0) * quantity is left to us
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, e: sp.Expr):
+        self.e = e
+
+    def __bool__(self) -> bool:
+        return bool(Condition(sp.Ne(self.e, 0)))
+
+    def __neg__(self) -> Quantity:
+        return Quantity(-self.e)
+
+    def __pos__(self) -> Quantity:
+        return Quantity(self.e)
+
+    def __abs__(self) -> Quantity:
+        return Quantity(sp.Abs(self.e))
+
+    def __float__(self) -> float:
+        raise Untraceable("it hands a symbol to a function that takes only numbers")
+
+    def __repr__(self) -> str:
+        return str(self.e)
+
+
+class Condition(Quantity):
+    """A comparison: True and False as 1 and 0 in arithmetic, a fork of the path where its truth is asked."""
+
+    def __init__(self, condition: Any):
+        self.condition = sp.sympify(condition)
+
+    @property
+    def e(self) -> sp.Expr:  # type: ignore[override]
+        return sp.Piecewise((1, self.condition), (0, True))
+
+    def __bool__(self) -> bool:
+        if self.condition in (sp.true, sp.false):
+            return bool(self.condition)
+        return _PATH.get().decide(self.condition)
+
+    def __and__(self, other: object) -> Condition:
+        return Condition(sp.And(self.condition, _condition(other)))
+
+    def __or__(self, other: object) -> Condition:
+        return Condition(sp.Or(self.condition, _condition(other)))
+
+    def __invert__(self) -> Condition:
+        return Condition(sp.Not(self.condition))
+
+    __rand__, __ror__ = __and__, __or__
+
+
+def _condition(value: object) -> Any:
+    return value.condition if isinstance(value, Condition) else sp.Ne(expression(value), 0)
+
+
+def _operators() -> None:
+    def method(function: Callable, kind: type, swapped: bool = False) -> Callable:
+        def call(self: Quantity, other: object) -> Any:
+            try:
+                there = expression(other)
+            except TypeError:
+                return NotImplemented
+            return kind(function(there, self.e) if swapped else function(self.e, there))
+
+        return call
+
+    for name in ("add", "sub", "mul", "truediv", "pow", "mod", "floordiv"):
+        function = (lambda a, b: sp.floor(a / b)) if name == "floordiv" else (lambda a, b: sp.Mod(a, b)) if name == "mod" else getattr(operator, name)
+        setattr(Quantity, f"__{name}__", method(function, Quantity))
+        setattr(Quantity, f"__r{name}__", method(function, Quantity, swapped=True))
+    for name, function in {"lt": sp.Lt, "le": sp.Le, "gt": sp.Gt, "ge": sp.Ge, "eq": sp.Eq, "ne": sp.Ne}.items():
+        setattr(Quantity, f"__{name}__", method(function, Condition))
+
+
+_operators()
+
+
+def _numbers(values: tuple) -> Iterator[sp.Expr]:
+    """max(a, b) and max([a, b]) alike."""
+    return map(expression, values[0] if len(values) == 1 and isinstance(values[0], Iterable) else values)
+
+
+def _copysign(x: sp.Expr, y: sp.Expr) -> sp.Expr:
+    return sp.Piecewise((sp.Abs(x), y >= 0), (-sp.Abs(x), True))
+
+
+def _trunc(x: sp.Expr) -> sp.Expr:
+    return sp.sign(x) * sp.floor(sp.Abs(x))
+
+
+def _interp(x: sp.Expr, xs: Any, ys: Any) -> sp.Expr:
+    """numpy.interp: straight lines between break points, constant beyond the outer ones."""
+    xs, ys = [expression(v) for v in xs], [expression(v) for v in ys]
+    lines = [(ys[i] + (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]) * (x - xs[i]), x <= xs[i + 1]) for i in range(len(xs) - 1)]
+    return sp.Piecewise((ys[0], x <= xs[0]), *lines, (ys[-1], True))
+
+
+# What becomes what, by name in builtins, math and numpy. Functions of plain numbers stay what they are: see _lift.
+_ELEMENTARY: dict[str, Callable] = {
+    **{name: getattr(sp, name) for name in "sin cos tan sinh cosh tanh sqrt exp floor erf gamma sign".split()},
+    **{f"{a}{name}": getattr(sp, f"a{name}") for a in ("a", "arc") for name in "sin cos tan sinh cosh tanh".split()},
+    **dict.fromkeys(("atan2", "arctan2"), sp.atan2),
+    **dict.fromkeys(("abs", "fabs", "absolute"), sp.Abs),
+    **dict.fromkeys(("pow", "power", "float_power"), lambda a, b: a**b),
+    **dict.fromkeys(("mod", "remainder"), sp.Mod),  # numpy's; math.remainder is another function and stays untraceable
+    **dict.fromkeys(("fmod",), lambda a, b: a - b * _trunc(a / b)),
+    **dict.fromkeys(("trunc", "fix", "int"), _trunc),
+    **dict.fromkeys(("float", "float64"), lambda x: x),
+    **dict.fromkeys(("maximum", "fmax"), sp.Max),
+    **dict.fromkeys(("minimum", "fmin"), sp.Min),
+    "log": lambda x, base=sp.E: sp.log(x) if base == sp.E else sp.log(x) / sp.log(base),
+    "log2": lambda x: sp.log(x) / sp.log(2),
+    "log10": lambda x: sp.log(x) / sp.log(10),
+    "log1p": lambda x: sp.log(1 + x),
+    "expm1": lambda x: sp.exp(x) - 1,
+    "exp2": lambda x: 2**x,
+    "ceil": sp.ceiling,
+    "cbrt": lambda x: sp.sign(x) * sp.Abs(x) ** sp.Rational(1, 3),
+    "square": lambda x: x**2,
+    "hypot": lambda *x: sp.sqrt(sum(v**2 for v in x)),
+    "copysign": _copysign,
+    "heaviside": lambda x, middle: sp.Piecewise((0, x < 0), (middle, sp.Eq(x, 0)), (1, True)),
+    "degrees": lambda x: x * 180 / sp.pi,
+    "rad2deg": lambda x: x * 180 / sp.pi,
+    "radians": lambda x: x * sp.pi / 180,
+    "deg2rad": lambda x: x * sp.pi / 180,
+    "clip": lambda x, low, high: sp.Min(sp.Max(x, low), high),
+}
+_SPECIAL: dict[str, Callable] = {
+    "max": lambda *x: Quantity(sp.Max(*_numbers(x))),
+    "min": lambda *x: Quantity(sp.Min(*_numbers(x))),
+    "fsum": lambda x: sum(x),
+    "bool": lambda x: x if isinstance(x, Condition) else x != 0,
+    "where": lambda c, a, b: Quantity(sp.Piecewise((expression(a), _condition(c)), (expression(b), True))),
+    "logical_and": lambda a, b: Condition(sp.And(_condition(a), _condition(b))),
+    "logical_or": lambda a, b: Condition(sp.Or(_condition(a), _condition(b))),
+    "logical_not": lambda a: Condition(sp.Not(_condition(a))),
+    "interp": lambda x, xs, ys: Quantity(_interp(expression(x), xs, ys)),
+}
+
+
+def _symbolic(value: object) -> bool:
+    return isinstance(value, Quantity) or (isinstance(value, tuple | list) and any(map(_symbolic, value)))
+
+
+def _lift(original: Callable, symbolic: Callable) -> Callable:
+    """Plain numbers go to the original, so that a constant stays the float that the model computes with."""
+
+    @functools.wraps(original, updated=())
+    def call(*args: Any, **kwargs: Any) -> Any:
+        return symbolic(*args, **kwargs) if any(map(_symbolic, args)) else original(*args, **kwargs)
+
+    return call
+
+
+def _table() -> dict[Any, Callable]:
+    table = {}
+    for module in (builtins, math, np):
+        for name, function in _ELEMENTARY.items():
+            if hasattr(module, name) and not (module is math and name == "remainder"):
+                original = getattr(module, name)
+                table[original] = _lift(original, lambda *args, f=function: Quantity(f(*map(expression, args))))
+        for name, function in _SPECIAL.items():
+            if hasattr(module, name):
+                original = getattr(module, name)
+                table[original] = _lift(original, function)
+    return table
+
+
+class _Module:
+    """A module as seen by a traced function: every attribute is rebound when it is read."""
+
+    def __init__(self, module: types.ModuleType, tracer: Tracer):
+        self._module, self._tracer = module, tracer
+
+    def __getattr__(self, name: str) -> Any:
+        return self._tracer.rebind(getattr(self._module, name), name)
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A helper with cases of its own, shown under its name: F(V) = { …. `args` mixes formal symbols and fixed numbers."""
+
+    name: str
+    function: Any  # the SymPy function that stands for it in an expression
+    args: tuple[sp.Expr, ...]
+    formals: tuple[sp.Symbol, ...]
+    e: sp.Expr
+
+
+class Tracer:
+    """Tracer(states).trace(f, t, s, p): formulas of functions; helpers with cases are collected in `definitions`.
+
+    `states` (symbols) are shown as the arguments of a helper that takes s as a whole: F(s, p) that reads s.V is F(V).
+    """
+
+    def __init__(self, states: Iterable[sp.Symbol] = ()) -> None:
+        self.states = tuple(states)
+        self.definitions: dict[str, Definition] = {}
+        self._copies: dict[int, tuple[Any, Callable]] = {}  # id -> (the original, kept alive, and its stand-in)
+        self._table = _table()
+
+    def trace(self, function: Callable, *args: Any) -> sp.Expr | tuple[sp.Expr, ...]:
+        """tracer.trace(flow, t, s, p) -> expression or tuple of expressions. Raises Untraceable with the reason."""
+        try:
+            with distribute(False):  # 2*(x - a) stays as it was written
+                copy = self.rebind(function, inline=True)
+                return _explore(lambda: copy(*args))
+        except Untraceable:
+            raise
+        except RecursionError:
+            raise Untraceable("it calls itself without end") from None
+        except Exception as error:  # whatever a student's function may raise on a symbol
+            raise Untraceable(f"{type(error).__name__}: {error}") from error
+
+    def expand(self, e: sp.Expr) -> sp.Expr:
+        """tracer.expand(e) -> e with every named helper replaced by its definition."""
+        while nodes := [node for node in e.atoms(AppliedUndef) if node.func.__name__ in self.definitions]:
+            e = e.xreplace({node: self._body(node) for node in nodes})
+        return e
+
+    def _body(self, node: AppliedUndef) -> sp.Expr:
+        definition = self.definitions[node.func.__name__]
+        return definition.e.xreplace(dict(zip(definition.formals, node.args, strict=True)))
+
+    def rebind(self, value: Any, name: str = "", inline: bool = False) -> Any:
+        """tracer.rebind(value) -> what a traced function sees in its place; constants are themselves."""
+        value = getattr(value, "py_func", value)  # a helper under @njit
+        if isinstance(value, types.ModuleType):
+            return _Module(value, self)
+        if isinstance(value, functools.partial):
+            return functools.partial(self.rebind(value.func, name, inline), *value.args, **value.keywords)
+        if isinstance(value, types.FunctionType):
+            return self._copy(value) if inline else self._helper(value, name)
+        try:
+            return self._table.get(value, value)
+        except TypeError:  # unhashable: a list, an array
+            return value
+
+    def _copy(self, function: types.FunctionType) -> Callable:
+        if id(function) in self._copies:
+            return self._copies[id(function)][1]
+        scope: dict[str, Any] = {"__builtins__": builtins, "__name__": function.__module__}
+        copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__,
+                                  tuple(types.CellType() for _ in function.__closure__ or ()))
+        copy.__kwdefaults__ = function.__kwdefaults__
+        self._copies[id(function)] = (function, copy)  # before its names are rebound: a function may call itself
+        for name in _names(function.__code__):
+            if name in function.__globals__:
+                scope[name] = self.rebind(function.__globals__[name], name)
+            elif hasattr(builtins, name):
+                scope[name] = self.rebind(getattr(builtins, name), name)
+        for new, old, name in zip(copy.__closure__ or (), function.__closure__ or (), function.__code__.co_freevars, strict=True):
+            try:
+                new.cell_contents = self.rebind(old.cell_contents, name)
+            except ValueError:  # a cell that is still empty
+                pass
+        return copy
+
+    def _helper(self, function: types.FunctionType, name: str) -> Callable:
+        """A helper is traced with formal arguments; one with cases becomes a definition, any other is put in place."""
+        copy: list[Callable] = []
+        label = (function.__name__ if function.__name__ != "<lambda>" else name) or "f"
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            copy or copy.append(self._copy(function))
+            if not any(map(_symbolic, (*args, *kwargs.values()))):
+                return copy[0](*args, **kwargs)
+            try:
+                return self._define(label, function, copy[0], args, kwargs)
+            except (Untraceable, TypeError, ValueError):  # no numbers come out, or it needs to know its caller's path
+                return copy[0](*args, **kwargs)
+
+        return call
+
+    def _define(self, label: str, function: types.FunctionType, copy: Callable, args: tuple, kwargs: dict) -> Any:
+        bound = inspect.signature(function).bind(*args, **kwargs)
+        bound.apply_defaults()
+        shown: list[sp.Expr] = []
+        actual: list[sp.Expr] = []
+        formals: list[sp.Symbol] = []
+        for key, value in bound.arguments.items():
+            if isinstance(value, Quantity) and not isinstance(value, Condition):
+                formals.append(sp.Dummy(key, real=True))
+                actual.append(value.e)
+                shown.append(formals[-1])
+                bound.arguments[key] = Quantity(formals[-1])
+            elif isinstance(value, Real):
+                shown.append(expression(value))
+        result = _explore(lambda: copy(*bound.args, **bound.kwargs))
+        put = dict(zip(formals, actual, strict=True))
+        if isinstance(result, tuple):
+            return tuple(Quantity(e.xreplace(put)) for e in result)
+        if not result.has(sp.Piecewise):
+            return Quantity(result.xreplace(put))
+        # A formal argument is shown under its own name, unless the body also speaks of the state of that name.
+        names = {symbol.name for symbol in result.free_symbols if symbol not in formals}
+        if not formals and not shown:  # F(s, p): show what it depends on
+            formals, actual, shown = ([x for x in self.states if x in result.free_symbols] for _ in range(3))
+        rename = {f: f if f.name in names or not isinstance(f, sp.Dummy) else sp.Symbol(f.name, real=True) for f in formals}
+        shown, formals, result = [rename.get(x, x) for x in shown], list(rename.values()), result.xreplace(rename)
+        for definition in self.definitions.values():
+            if (definition.name, definition.args, definition.e) == (label, tuple(shown), result):
+                return Quantity(definition.function(*actual))
+        key = label + "′" * sum(d.name == label and d.args == tuple(shown) for d in self.definitions.values())
+        while key in self.definitions:
+            key += "_"
+        made = sp.Function(key, real=True)
+        self.definitions[key] = Definition(label, made, tuple(shown), tuple(formals), result)
+        return Quantity(made(*actual))
+
+
+def _names(code: types.CodeType) -> set[str]:
+    """All global names of a function and of the functions defined in it."""
+    return set(code.co_names).union(*(_names(c) for c in code.co_consts if isinstance(c, types.CodeType)))
+
+
+def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:
+    """Call along every path, True before False; a Piecewise (a component) of what came out."""
+    leaves: list[tuple[Any, list]] = []
+    waiting: list[list[tuple[Any, bool]]] = [[]]
+    while waiting:
+        path = _Path(waiting.pop())
+        token = _PATH.set(path)
+        try:
+            leaves.append((_leaf(call()), [condition for condition, answer in path.taken if answer]))
+        finally:
+            _PATH.reset(token)
+        new = range(len(path.prefix), len(path.taken))  # from the first to the last new question: the last one's other answer is next
+        waiting += [[*path.taken[:k], (path.taken[k][0], False)] for k in new]
+        if len(leaves) + len(waiting) > MAX_PATHS:
+            raise Untraceable(f"it has more than {MAX_PATHS} branches")
+    # The first match counts, so what was answered with False needs no mention: those cases have come before.
+    cases = [(leaf, sp.And(*true)) for leaf, true in leaves]
+    if not any(isinstance(leaf, tuple) for leaf, _ in cases):
+        return _piecewise(cases)
+    if len({len(leaf) if isinstance(leaf, tuple) else -1 for leaf, _ in cases}) > 1:
+        raise Untraceable("its branches return different numbers of values")
+    return tuple(_piecewise([(leaf[k], c) for leaf, c in cases]) for k in range(len(cases[0][0])))
+
+
+def _leaf(value: Any) -> sp.Expr | tuple[sp.Expr, ...]:
+    if isinstance(value, tuple | list) or (isinstance(value, np.ndarray) and value.ndim):
+        return tuple(expression(v) for v in value)
+    if value is None:
+        raise Untraceable("it returns nothing (is a `return` missing?)")
+    if isinstance(value, bool | Condition):
+        raise Untraceable("it returns true or false, not a number")
+    return expression(value)
+
+
+def _piecewise(cases: list[tuple[sp.Expr, Any]]) -> sp.Expr:
+    """First match counts, so a case that repeats the one after it is joined to it, and the last needs no condition."""
+    joined: list[tuple[sp.Expr, Any]] = []
+    for e, condition in cases:
+        if joined and joined[-1][0] == e:
+            condition = sp.Or(joined.pop()[1], condition)
+        joined.append((e, condition))
+    return joined[0][0] if len(joined) == 1 else sp.Piecewise(*joined[:-1], (joined[-1][0], True))
