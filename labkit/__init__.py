@@ -19,7 +19,7 @@ _HOMES = {
     "draw": "COLORS Sketch View figure mode_colors phase_portrait time_plot",
     "linear": "classify",
     "panel": "explore",
-    "course": "assignment catalogue project",
+    "course": "assignment catalogue choose project",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
 __all__ = sorted(_HOME)

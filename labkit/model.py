@@ -21,7 +21,7 @@ import keyword
 import math
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 __all__ = ["At", "Every", "Mode", "ModelError", "Output", "Parameter", "System", "Transition", "OPTIONS"]
 
@@ -30,6 +30,9 @@ OPTIONS = frozenset({
     "system", "t_end", "t0", "start", "mode", "method", "rtol", "atol", "step", "max_step", "points", "locate",
     "backend", "max_events", "max_steps", "workers", "draw", "show", "title", "horizon", "dense",
 })
+
+#: What a run and its files call their own columns; a state or an output may not be called so.
+COLUMNS = frozenset({"t", "j", "mode", "stopped", "file"})
 
 Function = Callable[..., object]
 Number = float | str | Callable[..., float]
@@ -77,6 +80,9 @@ class Parameter:
 
     def check(self, name: str, value: object) -> float:
         """parameter.check("e", 1.2) -> the value as float; ModelError when it is no number or out of range."""
+        low, high = (None if bound is None else number(bound, f"a bound of parameter {name!r}") for bound in (self.low, self.high))
+        if low is not None and high is not None and low > high:
+            raise ModelError(f"parameter {name!r} has the range [{low:g}, {high:g}]: its lower bound is above the upper one")
         result = number(value, f"parameter {name!r}")
         if (self.low is not None and result < self.low) or (self.high is not None and result > self.high):
             low = "-∞" if self.low is None else f"{self.low:g}"
@@ -197,23 +203,29 @@ class System:
         self.time = time
         self.units: dict[str, str] = {}
         self.meanings: dict[str, str] = {}
-        self.states = self._add_states(states, "the system")
-        if not self.states:
+        if not isinstance(states, Mapping):
+            raise ModelError(f"states of {name!r} must be a dict of names and units, {{'x': 'm', …}}, not {states!r}")
+        if not states:
             raise ModelError(f"system {name!r} has no states: give states={{'x': 'm', …}}")
+        self.states = self._add_states(states, "the system")
         self.parameters = self._make_parameters(parameters or {})
         self.modes = self._make_modes(modes)
-        self.transitions = tuple(self._check_transition(transition) for transition in transitions)
+        self.transitions = tuple(self._check_transition(tr) for tr in ([transitions] if isinstance(transitions, Transition) else transitions))
         self.outputs = dict(outputs or {})
         for output, what in self.outputs.items():
             _identifier(output, "output")
-            if output in self.units or output == "t":
-                raise ModelError(f"output {output!r} has the name of a state: give it another")
-            functions = what.function
+            if output in self.units or output in self.parameters or output in COLUMNS:
+                raise ModelError(f"output {output!r} has the name of a state, a parameter or a column of every run: give it another")
+            functions = what.function if isinstance(what, Output) else what
+            if not isinstance(what, Output) or not all(map(callable, functions.values() if isinstance(functions, Mapping) else [functions])):
+                raise ModelError(f"output {output!r} must be Output(function of (t, s, p), unit, meaning), not {what!r}")
             if isinstance(functions, Mapping) and (unknown := set(functions) - set(self.modes)):
                 raise ModelError(f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; there are {listed(self.modes)}")
         if mode is not None and not callable(mode) and mode not in self.modes:
             raise ModelError(f"start mode {mode!r} is not a mode of {name!r}; there are {listed(self.modes)}")
         self.mode = mode if mode is not None else next(iter(self.modes))
+        if not isinstance(start or {}, Mapping):
+            raise ModelError(f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r}")
         self.start = {key: number(value, f"start of {key!r}") for key, value in (start or {}).items()}
         if unknown := [key for key in self.start if key not in self.units]:
             raise ModelError(f"start names the unknown state(s) {listed(unknown)}; there are {listed(self.units)}")
@@ -232,6 +244,10 @@ class System:
             _identifier(key, f"state of {owner}")
             if key == "t":
                 raise ModelError("a state cannot be called 't': that is the time, the first argument of every function")
+            if key in COLUMNS:
+                raise ModelError(f"a state cannot be called {key!r}: every run has a column of that name")
+            if not isinstance(what, str) and not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(word, str) for word in what)):
+                raise ModelError(f"state {key!r} of {owner} needs a unit, or (unit, meaning), not {what!r}")
             unit, meaning = (what, "") if isinstance(what, str) else what
             if self.units.setdefault(key, unit) != unit:
                 raise ModelError(f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} elsewhere: use another name")
@@ -239,13 +255,17 @@ class System:
         return tuple(states)
 
     def _make_parameters(self, parameters: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
+        if not isinstance(parameters, Mapping):
+            raise ModelError(f"parameters of {self.name!r} must be a dict of names and Parameters, not {parameters!r}")
         made = {}
         for key, value in parameters.items():
             _identifier(key, "parameter")
             if key in OPTIONS:
                 raise ModelError(f"parameter {key!r} is named like an option of simulate: rename it (for example {key}_)")
-            made[key] = value if isinstance(value, Parameter) else Parameter(number(value, f"parameter {key!r}"))
-            made[key].check(key, made[key].value)
+            if key == "t" or key in self.units:
+                raise ModelError(f"parameter {key!r} has the name of {'the time' if key == 't' else 'a state'}: give it another, a formula could not tell them apart")
+            what = value if isinstance(value, Parameter) else Parameter(value)  # type: ignore[arg-type]
+            made[key] = replace(what, value=what.check(key, what.value))
         return made
 
     def _make_modes(self, modes: Sequence[Mode]) -> dict[str, Mode]:
@@ -255,17 +275,24 @@ class System:
             raise ModelError(f"system {self.name!r} has no mode: give modes=[Mode('motion', flow)]")
         made: dict[str, Mode] = {}
         for mode in modes:
+            if not isinstance(mode, Mode) or not isinstance(mode.name, str) or not mode.name:
+                raise ModelError(f"modes of {self.name!r} must be Mode(name, flow), not {mode!r}")
             if mode.name in made:
                 raise ModelError(f"two modes are called {mode.name!r}: give each its own name")
             if not callable(mode.flow):
                 raise ModelError(f"the flow of mode {mode.name!r} must be a function of (t, s, p), not {mode.flow!r}")
             if mode.states is not None:
                 self._add_states(mode.states, f"mode {mode.name!r}")
+                if clash := [key for key in mode.states if key in self.parameters]:
+                    raise ModelError(f"mode {mode.name!r} has a state with the name of the parameter {listed(clash)}: give one of them another")
             made[mode.name] = mode
         return made
 
     def _check_transition(self, tr: Transition) -> Transition:
+        if not isinstance(tr, Transition) or not isinstance(tr.source, str | tuple | list):
+            raise ModelError(f"transitions of {self.name!r} must be Transition(source mode, target mode, …), not {tr!r}")
         what = f"transition {tr.name!r}"
+        number(tr.priority, f"priority of {what}")
         for end in (*tr.sources, tr.target, tr.zeno):
             if end is not None and end not in self.modes:
                 raise ModelError(f"{what} names the unknown mode {end!r}; there are {listed(self.modes)}")

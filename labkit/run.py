@@ -127,7 +127,7 @@ class Run:
             piece = self.pieces[index[inside]]
             theta = ((when[inside] - piece[:, 0]) / piece[:, 1])[:, None]
             modes[inside] = piece[:, 2].astype(int)
-            coefficients = piece[:, 3:].reshape(len(piece), -1, width)
+            coefficients = piece[:, 3:].reshape(len(piece), (self.pieces.shape[1] - 3) // width, width)  # not -1: there may be no piece
             y = np.zeros((len(piece), width))
             for k in range(coefficients.shape[1] - 1, -1, -1):
                 y = y * theta + coefficients[:, k]
@@ -241,29 +241,38 @@ def _column(system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarra
     return result
 
 
+_UMASK = os.umask(0)  # it can only be read by setting it
+os.umask(_UMASK)
+
+
 def write_whole(path: str | os.PathLike, data: bytes) -> None:
     """write_whole("a.csv", data): beside the goal, then renamed, so that a full disk or a lost share never leaves half a file. Raises OSError."""
     path, temporary = Path(path), None
+    mode = path.stat().st_mode if path.exists() else 0o666 & ~_UMASK  # a temporary file is for its owner alone
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = file.name
             file.write(data)
+        os.chmod(temporary, mode)
         os.replace(temporary, path)
-    except OSError:
+        temporary = None
+    finally:  # also when the kernel is interrupted
         if temporary and os.path.exists(temporary):
             os.unlink(temporary)
-        raise
 
 
 def _write(path: str | os.PathLike, data: bytes) -> Path:
     try:
         write_whole(path, data)
-    except OSError as error:
-        raise ModelError(f"{str(path)!r} cannot be written ({error.strerror or error}): choose a folder that exists and that you may write to") from error
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise ModelError(f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): choose a folder that exists and that you may write to") from error
     return Path(path)
 
 
 def load_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
     """load_npz("ball.npz")["y"]: the columns, "p.…", "event.…" and "stopped" that `Run.to_npz` wrote."""
-    with np.load(path, allow_pickle=False) as data:
-        return {key: data[key] for key in data.files}
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return {key: data[key] for key in data.files}
+    except (OSError, ValueError, AttributeError, TypeError) as error:  # the last two: a plain .npy
+        raise ModelError(f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or error}): it must be a file that run.to_npz wrote") from error

@@ -53,6 +53,26 @@ REFUSED = {
     "parameter too large": (lambda: system(parameters={"k": Parameter(6, "N/m", low=0, high=5)}), r"parameter 'k' = 6 is outside its range \[0, 5\] N/m"),
     "parameter too small": (lambda: system(parameters={"k": Parameter(-1, low=0)}), r"parameter 'k' = -1 is outside its range \[0, ∞\]$"),
     "parameter above its only bound": (lambda: system(parameters={"k": Parameter(2, high=1)}), r"outside its range \[-∞, 1\]"),
+    "states are a list": (lambda: system(states=["x"]), r"states of 'cart' must be a dict of names and units, .* not \['x'\]"),
+    "state without unit": (lambda: system(states={"x": None}), r"state 'x' of the system needs a unit, or \(unit, meaning\), not None"),
+    "state with half a pair": (lambda: system(states={"x": ("m",)}), "needs a unit, or"),
+    "state mode": (lambda: system(states={"mode": ""}), "a state cannot be called 'mode': every run has a column of that name"),
+    "parameters are a list": (lambda: system(parameters=["k"]), "parameters of 'cart' must be a dict"),
+    "parameter like a state": (lambda: system(parameters={"x": 1}), "parameter 'x' has the name of a state"),
+    "parameter like a mode's own state": (lambda: system(parameters={"v": 1}, modes=TWO), "mode 'b' has a state with the name of the parameter 'v'"),
+    "parameter t": (lambda: system(parameters={"t": 1}), "parameter 't' has the name of the time"),
+    "empty range": (lambda: system(parameters={"k": Parameter(1.5, low=2, high=1)}), r"parameter 'k' has the range \[2, 1\]: its lower bound is above"),
+    "range of nan": (lambda: system(parameters={"k": Parameter(1.5, low=NAN)}), "a bound of parameter 'k' must be finite"),
+    "start is a list": (lambda: system(start=[1.0]), "start must be a dict of states and values"),
+    "output is a function": (lambda: system(outputs={"F": guard}), r"output 'F' must be Output\(function"),
+    "output of no function": (lambda: system(outputs={"F": Output({"a": 3.0})}), r"output 'F' must be Output\(function"),
+    "output like a parameter": (lambda: system(outputs={"k": Output(guard)}), "output 'k' has the name of a state, a parameter"),
+    "output called mode": (lambda: system(outputs={"mode": Output(guard)}), "or a column of every run"),
+    "mode is a function": (lambda: system(modes=[flow]), r"modes of 'cart' must be Mode\(name, flow\), not <function"),
+    "mode without name": (lambda: system(modes=[Mode("", flow)]), r"must be Mode\(name, flow\)"),
+    "transition is a word": (lambda: system(transitions=["a"]), "transitions of 'cart' must be Transition"),
+    "source is None": (leaving(None, guard=guard), r"must be Transition\(source mode"),
+    "priority is a word": (leaving(guard=guard, priority="high"), "priority of transition 'a → b' must be a number, not 'high'"),
     "no modes": (lambda: system(modes=[]), r"system 'cart' has no mode: give modes=\[Mode\('motion', flow\)\]"),
     "two modes of one name": (lambda: system(modes=[Mode("a", flow), Mode("a", flow)]), "two modes are called 'a': give each its own name"),
     "flow is no function": (lambda: system(modes=[Mode("a", 3.0)]), r"the flow of mode 'a' must be a function of \(t, s, p\), not 3.0"),
@@ -63,7 +83,7 @@ REFUSED = {
     "start is a word": (lambda: system(start={"x": "far"}), "start of 'x' must be a number, not 'far'"),
     "start is nan": (lambda: system(start={"x": NAN}), "start of 'x' must be finite, not nan"),
     "output is no name": (lambda: system(outputs={"F!": Output(guard)}), "output 'F!' must be a plain Python name"),
-    "output like a state": (lambda: system(outputs={"x": Output(guard)}), "output 'x' has the name of a state: give it another"),
+    "output like a state": (lambda: system(outputs={"x": Output(guard)}), "output 'x' has the name of a state, a parameter or a column of every run: give it another"),
     "output called t": (lambda: system(outputs={"t": Output(guard)}), "output 't' has the name of a state"),
     "output of an unknown mode": (lambda: system(outputs={"F": Output({"c": guard, "a": guard})}), "output 'F' names the unknown mode\\(s\\) 'c'; there are 'a', 'b'"),
     "unknown source": (leaving("c", guard=guard), "transition 'c → b' names the unknown mode 'c'; there are 'a', 'b'"),
@@ -96,6 +116,15 @@ def test_refused(case):
     make, words = REFUSED[case]
     with pytest.raises(ModelError, match=words):
         make()
+
+
+def test_parameters_are_floats():
+    values = system(parameters={"k": Parameter("2.5"), "m": 3}).values()
+    assert values == (2.5, 3.0) and all(type(value) is float for value in values)
+
+
+def test_one_transition_needs_no_list():
+    assert len(system(transitions=Transition("a", "b", at=At(1.0))).transitions) == 1
 
 
 def test_refused_later():
@@ -239,6 +268,14 @@ def test_frame(monkeypatch):
         run.to_frame()
 
 
+def test_load_what_is_no_file_of_ours(tmp_path):
+    (tmp_path / "text.npz").write_text("hello")
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    for name in ("text.npz", "array.npy", "missing.npz"):
+        with pytest.raises(ModelError, match=f"{name}.*cannot be read.*a file that run.to_npz wrote"):
+            load_npz(tmp_path / name)
+
+
 @pytest.mark.parametrize("write", ["to_csv", "to_npz"])
 class TestWrittenWholeOrNotAtAll:
     def test_overwrites(self, write, tmp_path):
@@ -246,6 +283,28 @@ class TestWrittenWholeOrNotAtAll:
         goal.write_text("old")
         assert getattr(parabola(), write)(goal) == goal
         assert goal.stat().st_size > 100 and [p.name for p in tmp_path.iterdir()] == ["run.dat"]
+
+    @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such permissions")
+    def test_others_may_read_what_the_umask_allows(self, write, tmp_path):
+        (tmp_path / "plain").touch()
+        (tmp_path / "old").touch()
+        (tmp_path / "old").chmod(0o640)
+        for name, like in (("new", "plain"), ("old", "old")):
+            mode = (tmp_path / like).stat().st_mode
+            assert getattr(parabola(), write)(tmp_path / name).stat().st_mode == mode
+
+    def test_a_name_that_no_file_can_have(self, write, tmp_path):
+        with pytest.raises(ModelError, match="cannot be written"):
+            getattr(parabola(), write)(tmp_path / "a\0b")
+
+    def test_interrupted(self, write, tmp_path, monkeypatch):
+        def interrupt(*args):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(run_module.os, "replace", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            getattr(parabola(), write)(tmp_path / "run.dat")
+        assert not list(tmp_path.iterdir())
 
     def test_no_such_folder(self, write, tmp_path):
         goal = tmp_path / "nowhere" / "run.dat"

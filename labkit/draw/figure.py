@@ -25,6 +25,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from ..model import ModelError, System
+from ..show import latex_name
 from ..run import _write
 
 __all__ = ["COLORS", "DASHES", "Figure", "STYLE", "figure", "label", "mode_colors", "symbol", "tint"]
@@ -52,11 +53,6 @@ STYLE = {
     "legend.columnspacing": 1.4, "legend.handletextpad": 0.5, "legend.labelcolor": INK, "text.color": INK, "lines.linewidth": 1.6,
     "lines.solid_capstyle": "round", "lines.solid_joinstyle": "round", "patch.linewidth": 1.0, "path.simplify": True, "path.simplify_threshold": 1 / 9,
 }
-
-GREEK = frozenset(
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi omega "
-    "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
-)
 
 VEIL = {"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}  # behind moving words: a halo takes 6 ms
 HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
@@ -175,17 +171,8 @@ def tint(color: str, strength: float = 0.15) -> tuple[float, float, float]:
 
 
 def symbol(name: str) -> str:
-    """symbol("theta1") -> "$\\\\theta_{1}$": a state's name as it stands in a formula."""
-    head, _, tail = name.partition("_")
-    if not tail and len(digits := head.rstrip("0123456789")) < len(head) and digits:
-        head, tail = digits, head[len(digits):]
-    elif not tail and len(head) == 2 and head not in GREEK and head[0].islower() and head[1].isupper():
-        head, tail = head[0], head[1]  # iL, vC: an index in capitals
-    base = f"\\{head}" if head in GREEK else head if len(head) == 1 else rf"\mathrm{{{head}}}"
-    if not tail:
-        return f"${base}$"
-    index = f"\\{tail}" if tail in GREEK else tail if len(tail) == 1 or tail.isdigit() else rf"\mathrm{{{tail.replace('_', ',')}}}"
-    return f"${base}_{{{index}}}$"
+    """symbol("theta1") -> "$\\theta_{1}$": a state's name as it stands in a formula."""
+    return f"${latex_name(name)}$"
 
 
 def label(system: System, *names: str) -> str:

@@ -126,7 +126,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                     hull[start] = 0.0
                     start += 1
                 if undecided:
-                    if abs(hull[start]) <= margin and not finest and largest > 0.0:
+                    # It is a slope that is judged here, and a polynomial of degree N misses slopes by N² times what it misses values
+                    if abs(hull[start]) <= margin + 4.0 * top * top * misfit and not finest and largest > 0.0:
                         middle = 0.5 * (a + b)
                         stack[2 * depth], stack[2 * depth + 1] = middle, b
                         stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
@@ -145,6 +146,9 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
             elif undecided:
                 undecided = False
                 side = 1 if hull[0] > 0.0 else -1
+        elif a == 0.0:
+            while start < top and hull[start] == 0.0:  # exactly on the surface where two steps meet: the side before still counts
+                start += 1
         changes, doubtful, sign = 0, 0, side
         for j in range(start, top + 1):
             if hull[j] > margin:
@@ -176,7 +180,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                     side = -side
                     if side > 0 or not directed:
                         w.side[k] = side
-                        return a + width * w.node[j]
+                        return refine(model, w, p, mode, n, t, h, k, a + width * w.node[j - 1], value[j - 1], a + width * w.node[j], value[j])
             continue
         middle = 0.5 * (a + b)
         stack[2 * depth], stack[2 * depth + 1] = middle, b
