@@ -55,12 +55,16 @@ def test_an_environment_that_cannot_be_made_leaves_nothing(tmp_path, monkeypatch
         main.make_environment(tmp_path / "file" / "env")
 
 
-def test_a_half_made_environment_is_made_anew(tmp_path):
+def test_a_working_environment_is_kept_and_a_half_made_one_is_made_anew(tmp_path, monkeypatch):
     place = tmp_path / "env"
-    venv.create(place, with_pip=False, symlinks=os.name != "nt")
+    venv.create(place, with_pip=False, symlinks=os.name != "nt")  # no pip in it
+    run, made = subprocess.run, []
+    monkeypatch.setattr(main.subprocess, "run", lambda command, **options: made.append(command) or subprocess.CompletedProcess(command, 0) if "venv" in command else run(command, **options))
     main.make_environment(place)
-    assert python(main.venv_python(place).name and "-c", "pass").returncode == 0
-    assert subprocess.run([main.venv_python(place), "-m", "pip", "--version"], capture_output=True).returncode == 0
+    assert made == [[sys.executable, "-m", "venv", "--clear", place]]
+    monkeypatch.setattr(main, "venv_python", lambda venv: Path(sys.executable))  # one with pip
+    main.make_environment(place)
+    assert len(made) == 1
 
 
 def test_the_same_command_goes_to_the_environments_python(monkeypatch):
@@ -70,7 +74,7 @@ def test_the_same_command_goes_to_the_environments_python(monkeypatch):
     monkeypatch.setattr(main.os, "execve", lambda *all: seen.append(all) or 0, raising=False)
     monkeypatch.setattr(main.subprocess, "run", lambda command, env: seen.append((command[0], command, env)) or subprocess.CompletedProcess(command, 0))
     main.main(["test", "-k", "panel"])
-    (place, command, environment), = seen
+    place, command, environment = seen[0]
     assert Path(place) == main.venv_python() and command[1:] == ["-m", "labkit", "test", "-k", "panel"]
     assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
 
@@ -157,6 +161,7 @@ def test_lab_opens_the_start_page_with_labkits_settings(monkeypatch):
 def test_test_runs_all_tests_and_notebooks_unless_told_which(monkeypatch, words, wanted, unwanted):
     seen = []
     monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(main, "warm", lambda: None)
     monkeypatch.setattr(main.subprocess, "run", lambda command, cwd, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 3))
     assert main.main(["--here", "test", *words]) == 3
     ((command, environment),) = seen

@@ -12,7 +12,7 @@ from PIL import Image
 from labkit import Mode, ModelError, Parameter, System, explore, figure, load_npz, phase_portrait, simulate, time_plot
 from labkit.panel import Bitmap, _nice, _span, _symbol, _verdict
 
-from .systems import ball
+from .systems import ball, stick_slip
 
 
 @pytest.fixture(autouse=True)
@@ -75,6 +75,11 @@ def test_sliders_come_from_the_model():
 def test_a_state_that_keeps_its_sign_has_a_slider_that_keeps_it():
     made = {control.key: control for control in explore(ball(), 15.0).controls}
     assert made["start.y"].low == 0.0 and made["start.v"].low < 0
+
+
+def test_a_start_slider_ends_where_the_model_refuses_to_start():
+    made = {control.key: control for control in explore(stick_slip(), 10.0).controls}
+    assert made["start.x"].high == pytest.approx(2.94, abs=1e-6) and made["start.x"].low == 0.0  # beyond it does not stick
 
 
 def test_which_sliders_and_ranges():
@@ -179,6 +184,14 @@ def test_new_limits_redraw_the_still_part(browser):
     picture = browser.picture(**{"start.x": 2.0, "p.omega0": 6.0})
     assert view.axes[0].get_ylim() != before
     fresh = Bitmap(view).encode(1.0)[1]
+    assert np.array_equal(picture, np.asarray(Image.open(io.BytesIO(fresh)).convert("RGB")))
+
+
+def test_limits_that_moved_in_an_update_without_a_picture_are_not_forgotten(browser):
+    browser.picture()
+    browser.panel.check()  # limits widen at the ends of the sliders; nothing is drawn
+    picture = browser.picture()
+    fresh = Bitmap(browser.panel.view).encode(1.0)[1]
     assert np.array_equal(picture, np.asarray(Image.open(io.BytesIO(fresh)).convert("RGB")))
 
 

@@ -1,0 +1,304 @@
+"""A real JupyterLab, started as `python -m labkit` starts it, in a headless browser: run, drag, keys, save, reopen."""
+
+import json
+import os
+import secrets
+import shutil
+import socket
+import subprocess
+import time
+import urllib.request
+
+import pytest
+
+from labkit.__main__ import lab_command, lab_environment
+from labkit.notebooks import WIDGET, strip
+
+from .helpers import FOLDER, NOTEBOOKS, ROOT, find_browser, source
+
+FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
+SMALL = "small"  # a notebook of this file, beside the real ones
+CELLS = [
+    """\
+from labkit import Mode, Parameter, System, explore, time_plot
+
+def flow(t, s, p):
+    return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
+
+system = System("oscillator", {"x": "m", "v": "m/s"}, {"omega": Parameter(2.0, "rad/s", "frequency", 1.0, 6.0), "delta": Parameter(0.1, "1/s", "damping", 0.0, 1.0)},
+                [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
+horizon = 10.0
+
+def verdict(run):
+    return f"damping {run.p.delta:.3f}, {1 / (1 - run.p.delta):.3f}"
+""",
+    'explore(system, horizon, lambda run: time_plot(run, "x", height=3), verdict=verdict)',
+]
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """Address, token and folder of a running JupyterLab over a copy of the notebooks."""
+    folder = tmp_path_factory.mktemp("lab")
+    shutil.copytree(FOLDER, folder / "notebooks", ignore=shutil.ignore_patterns(".ipynb_checkpoints"))
+    cells = [{"cell_type": "code", "id": f"c{k}", "metadata": {}, "execution_count": None, "outputs": [], "source": text} for k, text in enumerate(CELLS)]
+    kernel = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}}
+    (folder / "notebooks" / f"{SMALL}.ipynb").write_text(json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}), encoding="utf-8")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    token = secrets.token_hex(16)
+    own = {f"JUPYTER{key}": str(folder / "settings" / key.lower()) for key in ("_CONFIG_DIR", "_DATA_DIR", "LAB_WORKSPACES_DIR", "LAB_SETTINGS_DIR")}  # not the user's
+    environment = lab_environment() | own | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])), "LABKIT_CHECK": "0"}
+    command = lab_command("--no-browser", f"--ServerApp.port={port}", "--ServerApp.port_retries=0", f"--IdentityProvider.token={token}", folder=folder)
+    with open(folder / "server.log", "w") as log, subprocess.Popen(command, env=environment, cwd=folder, stdout=log, stderr=subprocess.STDOUT) as server:
+        try:
+            yield Lab(f"http://127.0.0.1:{port}", token, folder / "notebooks", server)
+        finally:
+            server.terminate()
+
+
+class Lab:
+    def __init__(self, address, token, folder, server):
+        self.address, self.token, self.folder, self.server = address, token, folder, server
+        begin = time.monotonic()
+        while True:
+            try:
+                self.ask("api/status")
+                return
+            except OSError:
+                if server.poll() is not None or time.monotonic() - begin > 90:
+                    raise AssertionError("JupyterLab did not start:\n" + (folder.parent / "server.log").read_text()) from None
+                time.sleep(0.2)
+
+    def ask(self, path, method="GET"):
+        request = urllib.request.Request(f"{self.address}/{path}", method=method, headers={"Authorization": f"token {self.token}"})
+        with urllib.request.urlopen(request, timeout=30) as answer:
+            return json.loads(answer.read() or "null")
+
+    def end_kernels(self):
+        for session in self.ask("api/sessions"):
+            self.ask(f"api/sessions/{session['id']}", "DELETE")
+
+    def saved(self, name):
+        return json.loads((self.folder / f"{name}.ipynb").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = find_browser()
+    if path is None:
+        message = "no Chrome, Chromium or Edge found: install one, or say where it is by LABKIT_BROWSER"
+        pytest.fail(message) if os.environ.get("CI", "").lower() == "true" else pytest.skip(message)
+    from playwright.sync_api import sync_playwright
+
+    flags = FLAGS + (["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=flags)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def page(browser, lab):
+    page = browser.new_page(viewport={"width": 1300, "height": 1000})
+    page.set_default_timeout(90_000)
+    page.problems = []
+    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    yield page
+    page.close()
+    lab.end_kernels()
+
+
+def open_notebook(page, lab, name):
+    page.goto(f"{lab.address}/lab/tree/notebooks/{name}.ipynb?token={lab.token}&reset")
+    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
+    page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
+
+
+def run_all(page):
+    """Runs all cells and waits until the last one is done."""
+    page.locator(".lm-MenuBar-item", has_text="Run").click()
+    page.get_by_text("Run All Cells", exact=True).click()
+    page.wait_for_function("""() => {
+        const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].filter((cell) => cell.querySelector('.cm-content').textContent.trim());
+        return cells.every((cell) => /\\[\\d+\\]/.test(cell.querySelector('.jp-InputPrompt').textContent));
+    }""", timeout=180_000)
+    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
+
+
+def failures(page):
+    kinds = ("application/vnd.jupyter.error", "application/vnd.jupyter.stderr")
+    return [text for kind in kinds for text in page.locator(f'.jp-Notebook [data-mime-type="{kind}"]').all_inner_texts()]
+
+
+def panels(page):
+    found = page.locator(".labkit-panel")
+    for k in range(found.count()):
+        found.nth(k).scroll_into_view_if_needed()
+        pictures(page, found.nth(k), 1)
+    return [found.nth(k) for k in range(found.count())]
+
+
+def pictures(page, panel, number):
+    """Waits until the panel has painted the answer to its message `number`."""
+    page.wait_for_function("([canvas, number]) => Number(canvas.dataset.seq) >= number", arg=[panel.locator("canvas").element_handle(), number])
+    return int(panel.locator("canvas").get_attribute("data-seq"))
+
+
+def remember(panel):
+    panel.locator("canvas").evaluate("canvas => { canvas.before = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height); }")
+
+
+def changed(panel):
+    """Part of the picture's pixels that differ clearly from those that were remembered."""
+    return panel.locator("canvas").evaluate("""canvas => {
+        const [a, b] = [canvas.before.data, canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data];
+        if (a.length !== b.length) return 1;
+        let count = 0;
+        for (let i = 0; i < a.length; i += 4) count += Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2])) > 60;
+        return count / (a.length / 4);
+    }""")
+
+
+def drag(page, panel, part, slider=0):
+    """Drags a slider with the mouse to a part of its way, in small steps; returns the last picture's number."""
+    thumb = panel.locator(".labkit-range").nth(slider)
+    thumb.scroll_into_view_if_needed()
+    box = thumb.bounding_box()
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.5 * box["width"], y)
+    page.mouse.down()
+    for k in range(1, 11):
+        page.mouse.move(box["x"] + (0.5 + (part - 0.5) * k / 10) * box["width"], y)
+        time.sleep(0.03)
+    page.mouse.up()
+    return settled(page, panel)
+
+
+def settled(page, panel):
+    """Waits until no new picture comes for half a second."""
+    last, since = None, time.monotonic()
+    while time.monotonic() - since < 0.5:
+        if (now := panel.locator("canvas").get_attribute("data-seq")) != last:
+            last, since = now, time.monotonic()
+        time.sleep(0.05)
+    return int(last)
+
+
+# ---- every notebook
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_it_opens_runs_and_slides(page, lab, name):
+    open_notebook(page, lab, name)
+    if "image/png" in json.dumps(lab.saved(name)):
+        assert page.locator(".jp-OutputArea img").count() > 0  # pictures are there before anything is run
+    assert page.locator(".labkit-panel").count() == 0
+    run_all(page)
+    assert failures(page) == []
+    made = panels(page)
+    assert len(made) >= any("explore(" in source(cell) for cell in lab.saved(name)["cells"] if cell["cell_type"] == "code")
+    for panel in made:
+        remember(panel)
+        first = pictures(page, panel, 1)
+        assert drag(page, panel, 0.9) > first
+        if not changed(panel) > 0.001:  # the default may be at that place
+            drag(page, panel, 0.1)
+        assert changed(panel) > 0.001
+        assert panel.locator(".labkit-error").count() == 0, panel.locator(".labkit-verdict").inner_text()
+    assert failures(page) == [] and page.problems == []
+
+
+# ---- the panel itself
+
+
+def test_the_panel(page, lab):
+    """One after the other, since starting costs most: drag, keys, typing, an error, reset, export, save, reopen."""
+    open_notebook(page, lab, SMALL)
+    run_all(page)
+    assert failures(page) == []
+    (panel,) = panels(page)
+    value, verdict = panel.locator(".labkit-value"), panel.locator(".labkit-verdict")
+    height = panel.bounding_box()["height"]
+
+    # Dragging: more than one picture on the way, the last one of the last value, and nothing jumps.
+    remember(panel)
+    first = settled(page, panel)
+    last = drag(page, panel, 0.8, slider=1)
+    assert last >= first + 2 and changed(panel) > 0.003
+    assert float(value.nth(1).input_value()) == pytest.approx(0.8, abs=0.03)
+    assert verdict.inner_text().startswith(f"damping {float(value.nth(1).input_value()):.3f}")
+    assert panel.bounding_box()["height"] == height
+
+    # Arrow keys move the slider and nothing of JupyterLab; other keys of Lab rest.
+    cells = page.locator(".jp-Cell").count()
+    before = float(value.nth(1).input_value())
+    panel.locator(".labkit-range").nth(1).focus()
+    for key in ("ArrowLeft", "ArrowDown", "ArrowLeft", "ArrowRight", "b"):
+        page.keyboard.press(key)
+    settled(page, panel)
+    assert float(value.nth(1).input_value()) < before and page.locator(".jp-Cell").count() == cells
+    assert verdict.inner_text().startswith(f"damping {float(value.nth(1).input_value()):.3f}")
+    page.keyboard.press("Home")
+    settled(page, panel)
+    assert value.nth(1).input_value() == "0"
+
+    # A typed value; one out of range and one that breaks the verdict are sentences, and the old picture stays.
+    value.nth(1).fill("0,25")
+    page.keyboard.press("Enter")
+    verdict.filter(has_text="damping 0.250").wait_for()
+    settled(page, panel)
+    remember(panel)
+    value.nth(1).fill("7")
+    page.keyboard.press("Enter")
+    panel.locator(".labkit-error", has_text="parameter 'delta' = 7 is outside its range [0, 1] 1/s").wait_for()
+    value.nth(1).fill("1")
+    page.keyboard.press("Enter")
+    panel.locator(".labkit-error summary").click()
+    assert "in verdict" in panel.locator(".labkit-error pre").inner_text()
+    assert changed(panel) == 0
+
+    # A method with a fixed step shows the step instead of the tolerance.
+    assert panel.locator(".labkit-control:visible", has_text="size of a step").count() == 0
+    panel.get_by_role("button", name="Reset").click()
+    verdict.filter(has_text="damping 0.100").wait_for()
+    panel.locator("select").select_option("RK4")
+    panel.locator(".labkit-control:visible", has_text="size of a step").wait_for()
+    assert panel.locator(".labkit-control:visible", has_text="relative tolerance").count() == 0
+
+    panel.get_by_role("button", name="Save CSV").click()
+    panel.locator(".labkit-note", has_text="oscillator.csv").wait_for()
+    assert (lab.folder / "oscillator.csv").read_text(encoding="utf-8").startswith("t [s],")
+
+    # Ctrl-S saves also while the panel has the focus; the file keeps the picture and nothing of the widget.
+    panel.locator(".labkit-range").first.focus()
+    page.keyboard.press("Control+s")
+    deadline = time.monotonic() + 30
+    while not lab.saved(SMALL)["cells"][1]["outputs"] and time.monotonic() < deadline:
+        time.sleep(0.1)
+    saved = lab.saved(SMALL)
+    (output,) = saved["cells"][1]["outputs"]
+    assert set(output["data"]) == {"image/png", "text/plain"} and WIDGET not in json.dumps(saved)
+    assert strip(lab.saved(SMALL)) == saved
+
+    # Without its kernel the saved notebook, which is trusted, shows the picture and no empty widget.
+    lab.end_kernels()
+    open_notebook(page, lab, SMALL)
+    page.locator(".jp-OutputArea img").first.wait_for()
+    assert page.locator(".labkit-panel").count() == 0 and "not found" not in page.locator(".jp-Notebook").inner_text()
+    assert page.problems == []
+
+
+@pytest.mark.parametrize("width", [700, 1300])
+def test_it_fits_the_page(page, lab, width):
+    page.set_viewport_size({"width": width, "height": 1000})
+    open_notebook(page, lab, SMALL)
+    run_all(page)
+    (panel,) = panels(page)
+    room, canvas = panel.bounding_box(), panel.locator("canvas").bounding_box()
+    assert canvas["x"] + canvas["width"] <= room["x"] + room["width"] + 1 and canvas["width"] / canvas["height"] == pytest.approx(864 / 288, rel=0.02)
+    for control in panel.locator(".labkit-control:visible").all():
+        box = control.bounding_box()
+        assert room["x"] <= box["x"] and box["x"] + box["width"] <= room["x"] + room["width"] + 1
+    assert page.evaluate("document.querySelector('.labkit-panel').scrollWidth <= document.querySelector('.labkit-panel').clientWidth")
