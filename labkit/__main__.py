@@ -152,7 +152,7 @@ def warm() -> None:
 def lab_command(*options: str, folder: Path = ROOT) -> list[str]:
     """lab_command("--no-browser") -> the command line of labkit's JupyterLab over a folder; see lab_environment."""
     root = ["--allow-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    return [sys.executable, "-m", "jupyterlab", f"--ServerApp.root_dir={folder}", *root, *options]
+    return [sys.executable, "-m", "jupyterlab", f"--ServerApp.root_dir={folder}", "--LabApp.default_url=/lab/tree/notebooks/start.ipynb", *root, *options]
 
 
 def lab_environment() -> dict[str, str]:
@@ -165,7 +165,7 @@ def lab(options: list[str]) -> int:
     warm()
     print("labkit: JupyterLab opens in your browser; to end it press Ctrl-C twice in this window", flush=True)
     try:
-        return subprocess.run(lab_command(str(ROOT / "notebooks" / "start.ipynb"), *options), env=lab_environment()).returncode
+        return subprocess.run(lab_command(*options), env=lab_environment()).returncode
     except KeyboardInterrupt:
         return 0
 

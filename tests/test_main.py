@@ -146,7 +146,7 @@ def test_lab_opens_the_start_page_with_labkits_settings(monkeypatch):
     monkeypatch.setattr(main.subprocess, "run", lambda command, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 7))
     assert main.main(["--here", "--no-browser"]) == 7
     _, (command, environment) = seen
-    assert command[1:3] == ["-m", "jupyterlab"] and str(ROOT / "notebooks" / "start.ipynb") in command and "--no-browser" in command
+    assert command[1:3] == ["-m", "jupyterlab"] and "--LabApp.default_url=/lab/tree/notebooks/start.ipynb" in command and "--no-browser" in command
     assert f"--ServerApp.root_dir={ROOT}" in command
     assert ("--allow-root" in command) == (hasattr(os, "geteuid") and os.geteuid() == 0)
     settings = Path(environment["JUPYTER_CONFIG_PATH"].split(os.pathsep)[0])

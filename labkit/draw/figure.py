@@ -127,7 +127,7 @@ def _palette_png(rgb: Image.Image) -> bytes:
         picture = Image.fromarray(place[key], "P")
         picture.putpalette(table.astype(np.uint8).tobytes())
         out = io.BytesIO()
-        picture.save(out, "PNG", optimize=True)
+        picture.save(out, "PNG", compress_level=7)  # 9 takes five times as long for 5 % less
         if out.tell() <= PNG_BYTES:
             break
     return out.getvalue()
