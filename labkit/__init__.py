@@ -6,6 +6,8 @@ Names load on first use, so `import labkit` costs next to nothing and works befo
 (`python -m labkit` sets the environment up).
 """
 
+from __future__ import annotations
+
 from importlib import import_module
 from typing import Any
 

@@ -119,8 +119,8 @@ def install(command: list[str], packages: int) -> None:
             if line.startswith(("Collecting", "Requirement already")):
                 count += 1
             if sys.stdout.isatty():
-                doing = "putting them in place …" if line.startswith("Installing collected") else f"{min(count, packages)} of about {packages}: {' '.join(line.split()[1:2])}"
-                print(f"\r  {doing:<70.70}", end="", flush=True)
+                name = "putting them in place …" if line.startswith("Installing collected") else " ".join(line.split()[1:2])
+                print(f"\r  {f'{min(count, packages)} of about {packages}: {name}':<70.70}", end="", flush=True)
     if sys.stdout.isatty():
         print("\r" + " " * 72 + "\r", end="")
     if pip.returncode == 0:

@@ -129,7 +129,7 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
 
 
 def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
-    return axes.text(0, 0, words, ha="center", va="center", fontsize=size, color=INK, linespacing=1.25, zorder=5, **options)
+    return axes.text(0, 0, words, ha="center", va="center", fontsize=size, color=INK, linespacing=2.0 if "\\frac" in words else 1.25, zorder=5, **options)
 
 
 def _size(text: Text) -> tuple[float, float]:

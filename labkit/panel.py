@@ -234,7 +234,8 @@ def explore(system: System, horizon: float, draw: Callable[[Run], View] | None =
     begin = {**system.start, **(start if isinstance(start, Mapping) else {})}
     p = system.values({key: options.pop(key) for key in list(options) if key in system.parameters})._asdict()
     horizon = number(horizon, "horizon")
-    settings = {"t_end": horizon, "method": method if isinstance(method, str) else "DOP853", "rtol": options.pop("rtol", 1e-8), "step": options.pop("step", _rounded(horizon / 1000, 1))}
+    settings = {"t_end": horizon, "method": method if isinstance(method, str) else "DOP853",
+                "rtol": options.pop("rtol", 1e-8), "step": options.pop("step", _rounded(horizon / 1000, 1))}
     choices = choices or {}
     taken = {key for variants in choices.values() for arguments in variants.values() for key in arguments}  # what a choice sets has no slider
 
@@ -298,7 +299,8 @@ def _controls(system: System, p: Mapping[str, float], begin: Mapping[str, float]
             Control("t_end", "algorithm", "t", "end", end, low=_rounded(end / 10, 1), high=_rounded(2 * end, 2), unit=system.time, meaning="end of the run"),
             Control("method", "algorithm", "method", "", settings["method"], "select", options=tuple(METHODS), meaning="how a step is made"),
             Control("rtol", "algorithm", "rtol", "", settings["rtol"], "log", 1e-12, 1e-2, 1.0, meaning="relative tolerance", only="adaptive"),
-            Control("step", "algorithm", "h", "", settings["step"], "log", _rounded(end / 20_000, 1), _rounded(end / 20, 1), 0.1, system.time, "size of a step", only="fixed"),
+            Control("step", "algorithm", "h", "", settings["step"], "log", _rounded(end / 20_000, 1), _rounded(end / 20, 1), 0.1, system.time,
+                    "size of a step", only="fixed"),
         ]
     for control in controls:
         name = control.key.rpartition(".")[2]
@@ -321,7 +323,8 @@ def _span(value: float, low: float | None, high: float | None) -> tuple[float, f
     """The declared range; an end that is not declared lies near the value and, unless the value is 0, on its side of zero."""
     near = sorted((_rounded(0.2 * value, 1), _rounded(2.5 * value, 2))) if value else (-1.0, 1.0)
     reach = max(near[1] - near[0], abs(value))
-    return (min(near[0], value if high is None else high - reach) if low is None else low), (max(near[1], value if low is None else low + reach) if high is None else high)
+    below, above = (near[0] if high is None else min(near[0], high - reach)), (near[1] if low is None else max(near[1], low + reach))
+    return (below if low is None else low), (above if high is None else high)
 
 
 def _rounded(value: float, digits: int) -> float:

@@ -111,9 +111,11 @@ def page(browser, lab):
 
 
 def open_notebook(page, lab, name):
-    page.goto(f"{lab.address}/lab/tree/notebooks/{name}.ipynb?token={lab.token}&reset")
+    place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"  # labkit's Lab opens on the start page
+    page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
     page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
+    assert page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
 
 
 def run_all(page):
