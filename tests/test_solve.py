@@ -577,7 +577,10 @@ def test_odd_functions_compile_too():
     def swap(t, s, p):
         return s.v, s.x  # reads what it overwrites
 
-    for flow in (space["flow"], early, closure(1.0), through_numpy, lambda t, s, p: (s.v, -s.x) if p.k > 0 else (0.0, 0.0)):
+    def starred(t, s, p):
+        return (*early(t, s, p)[:1], -p.k * s.x)
+
+    for flow in (space["flow"], early, closure(1.0), through_numpy, starred, lambda t, s, p: (s.v, -s.x) if p.k > 0 else (0.0, 0.0)):
         transitions = [Transition("m", "m", guard=lambda t, s, p: s.x + 0.5, direction=-1, reset=swap)]
         system = System("odd", {"x": "", "v": ""}, {"k": 1.0}, [Mode("m", flow)], transitions, start={"x": 1.0, "v": 0.0})
         plain, fast = (simulate(system, 3.0, backend=b) for b in BOTH)

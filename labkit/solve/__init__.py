@@ -78,7 +78,7 @@ def simulate_many(system: System, t_end: float, *, t0: float = 0.0, start: Mappi
         raise ModelError(f"simulate_many takes numbers and arrays of one common length; here {lengths or 'arrays of two dimensions'}")
     lanes = next(iter(lengths.values()), 1)
     full = {k: np.broadcast_to(v, (lanes,)).tolist() for k, v in columns.items()}
-    code = settings.code()
+    code = settings.code(lanes)
     settings.ready(code is None)
     prepared = []
     for i in range(lanes):
@@ -179,12 +179,13 @@ class _Settings:
         self.shared = {name: array.tolist() if plain else array for name, array in self.fixed.items()}
         self.known = {} if plain else {name: array.ctypes.data for name, array in self.fixed.items()}
 
-    def code(self):
+    def code(self, lanes: int = 1):
         if self.external or self.backend == "plain" or (self.backend == "auto" and os.environ.get("LABKIT_BACKEND") == "plain"):
             if self.external and self.backend == "compiled":
                 raise ModelError(f"method {self.method!r} is SciPy's and runs with backend='plain' or 'auto' only")
             return None
-        return compiled(self.system, wait=self.backend == "compiled")
+        # many lanes in plain Python would take longer than the compiler needs for a model
+        return compiled(self.system, wait=self.backend == "compiled", patience=0.0 if lanes < 10 else 3.0)
 
 
 def _count(value: object, what: str) -> int:

@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import types
 import warnings
 from collections import namedtuple
@@ -322,8 +323,20 @@ def _same(watch: list[tuple[Callable[[], object], object]]) -> bool:
     return True
 
 
-def compiled(system: System, wait: bool = False) -> Code | None:
-    """compiled(system) -> Code, or None while it is being made (or cannot be); wait=True waits and raises ModelError if it cannot."""
+def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code | None:
+    """compiled(system) -> Code, or None while it is being made (or cannot be).
+
+    wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at most and raises nothing.
+    """
+    code = _compiled(system, wait)
+    until = time.monotonic() + patience
+    while code is None and time.monotonic() < until and any(thread.is_alive() for thread in _threads):
+        time.sleep(0.02)
+        code = _compiled(system, False)
+    return code
+
+
+def _compiled(system: System, wait: bool) -> Code | None:
     if llvm is None:
         if wait:
             raise ModelError("backend='compiled' needs Numba, which is not installed here: use backend='auto' or 'plain'")
@@ -356,7 +369,7 @@ def compiled(system: System, wait: bool = False) -> Code | None:
     code = _codes[system][1]
     if isinstance(code, Code):
         return code
-    raise ModelError(f"{system.name!r} cannot be compiled, use backend='plain' or mend it: {code}") from code
+    raise ModelError(f"{system.name!r} cannot be compiled, use backend='plain' or mend it: {str(code).strip() or repr(code)}") from code
 
 
 _one_at_a_time = threading.Lock()

@@ -210,7 +210,9 @@ def _statements(function: Callable, prefix: str, states: tuple[str, ...], parame
     if plain:
         arguments = [a.arg for a in node.args.args]
         stored = {inner.id for statement in body for inner in ast.walk(statement) if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)}
-        plain = not stored & {arguments[1], arguments[2]}
+        stars = max((sum(isinstance(part, ast.Starred) for part in inner.value.elts) for statement in body for inner in ast.walk(statement)
+                     if isinstance(inner, ast.Return) and isinstance(inner.value, ast.Tuple | ast.List)), default=0)
+        plain = not stored & {arguments[1], arguments[2]} and stars <= 1
     if not plain:
         values[f"{prefix}f"] = function
         arguments, stored, read = ["t", "s", "p"], set(), {"f": function}
@@ -242,13 +244,18 @@ def common_source(system: System) -> tuple[str, dict[str, object]]:
 
     def fill(count: int) -> Callable[[ast.expr], str]:
         def finish(value: ast.expr) -> str:
-            if isinstance(value, ast.Tuple | ast.List) and not any(isinstance(e, ast.Starred) for e in value.elts):
-                texts = [ast.unparse(e) for e in value.elts]
-            else:
-                texts = [f"result[{i}]" for i in range(count)]
-                return f"result = {ast.unparse(value)}\n" + "".join(f"out[{i}] = {x}\n" for i, x in enumerate(texts)) + "return"
-            # all values first, then the assignments: a reset may read what it is about to overwrite
-            return "".join(f"value_{i} = float({x})\n" for i, x in enumerate(texts)) + "".join(f"out[{i}] = value_{i}\n" for i in range(len(texts))) + "return"
+            # All values first, then the assignments: a reset may read what it is about to overwrite
+            if not isinstance(value, ast.Tuple | ast.List):
+                return f"result = {ast.unparse(value)}\n" + "".join(f"out[{i}] = result[{i}]\n" for i in range(count)) + "return"
+            head, texts = "", []
+            for part in value.elts:
+                if isinstance(part, ast.Starred):  # (*law(s, p), 0.0): Numba does not unpack; its length is what is missing
+                    head += f"starred = {ast.unparse(part.value)}\n"
+                    texts += [f"starred[{i}]" for i in range(count - len(value.elts) + 1)]
+                else:
+                    texts.append(ast.unparse(part))
+            values = "".join(f"value_{i} = float({text})\n" for i, text in enumerate(texts))
+            return head + values + "".join(f"out[{i}] = value_{i}\n" for i in range(len(texts))) + "return"
 
         return finish
 
