@@ -256,7 +256,7 @@ class _Lane:
         adaptive = 2 if st.external else 0 if st.method in FIXED_STEP else 1
         for place, value in {
             core.MODE: st.modes.index(mode), core.FRESH: 1, core.ENTRY: 1, core.STAGES: table.stages, core.DEGREE: st.degree, core.PROXY: st.proxy,
-            core.ADAPTIVE: adaptive, core.TWO: st.method == "DOP853", core.LOCATE: st.locate, core.DENSE: st.dense, core.MODES: len(st.modes),
+            core.ADAPTIVE: adaptive, core.TWO: st.method == "DOP853", core.LOCATE: st.locate, core.DENSE: st.dense,
             core.TRANSITIONS: len(trs), core.MAX_EVENTS: st.max_events, core.MAX_STEPS: st.max_steps, core.ORDER: table.order, core.ROWS: table.A.shape[0], core.WIDTH: st.width,
         }.items():
             w.i[place] = int(value)

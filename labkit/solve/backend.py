@@ -224,9 +224,8 @@ def _native(value: object, made: dict[int, object]) -> object:
     """A value that a model function reads, as Numba takes it: helpers compiled too, lists as tuples."""
     if isinstance(value, types.FunctionType):
         if id(value) not in made:
-            free = {name: _native(cell, made) for name, cell in _cells(value).items()}
-            read = {name: _native(item, made) for name, item in references(value).items() if name not in free}
-            cells = tuple(types.CellType(free[name]) for name in value.__code__.co_freevars)
+            read = {name: _native(item, made) for name, item in references(value).items()}
+            cells = tuple(types.CellType(read[name]) for name in value.__code__.co_freevars)
             copy = types.FunctionType(value.__code__, {"__name__": __name__, "__builtins__": __builtins__, **read}, value.__name__, value.__defaults__, cells)
             made[id(value)] = _jit(copy)
         return made[id(value)]
@@ -235,10 +234,6 @@ def _native(value: object, made: dict[int, object]) -> object:
     if isinstance(value, tuple) and len(value) == 2 and value[0] in ("S", "P"):
         return namedtuple(*value)
     return value
-
-
-def _cells(function: Callable) -> dict[str, object]:
-    return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)}
 
 
 def _make_model(name: str, source: str, values: dict[str, object]) -> tuple[Callable, object]:

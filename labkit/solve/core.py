@@ -99,6 +99,19 @@ def fire(model, w, p, transition):
     return pile_up(w, t, transition, mode, size)
 
 
+def postpone(w, t, transition):
+    """Its dead time begins: the transition is queued, and its guard, just crossed, is passed through."""
+    place = w.i[PENDING]
+    if place >= QUEUE:
+        w.i[WHO] = transition
+        return QUEUE_FULL
+    w.queue_t[place], w.queue[place] = t + w.delay[transition], transition
+    w.i[PENDING] = place + 1
+    w.i[ENTRY], w.i[FRESH] = 1, 1
+    w.hold[transition] = 1
+    return PAUSE
+
+
 def pile_up(w, t, transition, mode, size):
     """Zeno: intervals of one transition that shrink geometrically pile up at t + gap·r/(1 − r); when that is near, go there.
 
@@ -262,16 +275,9 @@ def advance(model, w, p, budget):
                 if chosen < 0 and w.urgent[transition] == 1 and w.g[k] > 0.0 and w.hold[transition] == 0:
                     chosen = transition
             if chosen >= 0:
-                if w.delay[chosen] > 0.0:
-                    if i[PENDING] >= QUEUE:
-                        return QUEUE_FULL
-                    w.queue_t[i[PENDING]], w.queue[i[PENDING]] = t + w.delay[chosen], chosen
-                    i[PENDING] += 1
-                    w.hold[chosen] = 1
-                else:
-                    status = fire(model, w, p, chosen)
-                    if status != PAUSE:
-                        return status
+                status = postpone(w, t, chosen) if w.delay[chosen] > 0.0 else fire(model, w, p, chosen)
+                if status != PAUSE:
+                    return status
                 continue
 
         # A step
@@ -366,22 +372,12 @@ def advance(model, w, p, budget):
         transition = watched(w, mode, k)
         if transition < 0:
             status = slide(w, end, n, SLIDE, i[SLIDE_A] if transition == -1 else i[SLIDE_B])
-            if status != PAUSE:
-                return status
         elif end == t and begin_sliding(model, w, p, n, transition, k) == 1:
             status = slide(w, end, n, i[SLIDE_B], SLIDE)
-            if status != PAUSE:
-                return status
         elif w.delay[transition] > 0.0:
-            if i[PENDING] >= QUEUE:
-                i[WHO] = transition
-                return QUEUE_FULL
-            w.queue_t[i[PENDING]], w.queue[i[PENDING]] = end + w.delay[transition], transition
-            i[PENDING] += 1
-            i[ENTRY], i[FRESH] = 1, 1
-            w.hold[transition] = 1
+            status = postpone(w, end, transition)
         else:
             status = fire(model, w, p, transition)
-            if status != PAUSE:
-                return status
+        if status != PAUSE:
+            return status
     return PAUSE

@@ -11,11 +11,11 @@ EPS = 2.220446049250313e-16
 # Places in w.i (whole numbers that survive a pause) …
 MODE, JUMP, GRID, OUT, LEDGER, PIECES, STEPS, REJECTED, FLOWS, GUARDS, FRESH, ENTRY, PENDING, SAME, WHO, FIRST = range(16)
 # … and settings among them
-STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, MODES, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER, ROWS, WIDTH = range(16, 30)
-ARRIVED = 30  # the mode in which the instant of a schedule was reached
+STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER, ROWS, WIDTH = range(16, 29)
+ARRIVED = 29  # the mode in which the instant of a schedule was reached
 # Sliding: on or not; its two modes and the position of the surface's guard among those of the first and of the second
-SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B = range(31, 36)
-INTEGERS = 36
+SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B = range(30, 35)
+INTEGERS = 35
 # Places in w.f
 T, H, T_END, RTOL, ATOL, MAX_STEP, T0, EVENT_T, ZENO_T, SPAN, DUE_T, PROBE = range(12)
 FLOATS = 12
