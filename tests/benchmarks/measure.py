@@ -76,6 +76,10 @@ def sweep(problem: Problem, contestants: Sequence[Contestant], tolerances: Seque
             good = good + 1 if trials[-1].error <= 0.1 * min(GOALS) and not trials[-1].missed + trials[-1].invented else 0
             if good == 2 or seconds > PATIENCE:
                 break
+    for _ in range(3):  # once more, in turn: these times choose who races
+        for trial in trials:
+            if trial.seconds < 0.05:
+                trial.seconds = min(trial.seconds, timed(trial.run))
     return trials
 
 

@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
+from math import log10
 from pathlib import Path
 
 from labkit.draw import COLORS, figure
+from labkit.draw.figure import style
 from labkit.run import write_whole
 
 from .measure import GOALS, Row, Trial
@@ -66,7 +68,7 @@ class Results:
 
     tables: dict[str, tuple[list[Row], list[Trial]]]
     scale: Scale
-    start: tuple[list[Start], list[Start]]
+    start: list[Start]
     missing: list[str]
     seconds: float
 
@@ -85,9 +87,8 @@ class Results:
         parts.append("## How cost grows\n\nThe exponent is that of the last three sizes (each four times the one before): 1 is linear.\n")
         lines = [[g.what, g.tool, "  ".join(f"{n}: {milliseconds(s)}" for n, s in zip(g.sizes, g.seconds, strict=True)), f"{g.exponent:.2f}"] for g in self.scale.growth]
         parts.append(table(["cost over", "tool", "n: ms", "exponent"], lines) + "\n")
-        imports, firsts = self.start
-        parts.append("## Before the first answer\n\n" + table(["import", "ms"], [[s.tool, milliseconds(s.seconds)] for s in imports]) + "\n")
-        parts.append(table(["first run of the stick-slip problem in a new process", "", "ms"], [[s.tool, s.remark, milliseconds(s.seconds)] for s in firsts]) + "\n")
+        lines = [[s.tool, milliseconds(s.imported), milliseconds(s.answered), s.remark] for s in self.start]
+        parts.append("## Before the first answer\n\n" + table(["stick-slip, in a new process", "ms, import", "ms, first run", ""], lines) + "\n")
         return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
@@ -117,16 +118,18 @@ def picture(results: Results):
     fig = figure(2, 2, width=10.0, height=7.4, heights=(5, 4))
     titles = [PROBLEMS[name].title for name in results.tables]
     for axes, goal in zip(fig.axes[:2], GOALS, strict=True):
-        for tool, (marker, color, size) in MARKERS.items():
-            points = [(row.seconds * 1e3, place) for place, (rows, _) in enumerate(results.tables.values()) for row in rows if row.tool == tool and row.goal == goal and row.seconds]
+        for number, (tool, (marker, color, size)) in enumerate(MARKERS.items()):
+            shift = 0.09 * (number - len(MARKERS) / 2)  # so that none hides another
+            points = [(row.seconds * 1e3, place + shift) for place, (rows, _) in enumerate(results.tables.values()) for row in rows if row.tool == tool and row.goal == goal and row.seconds]
             if points:
                 axes.plot(*zip(*points, strict=True), marker, color=color, markersize=size, label=tool, linestyle="none", markeredgecolor="white", markeredgewidth=0.7,
                           zorder=5 if tool == LABKIT else 4)
         axes.set(xscale="log", xlabel="time of one run [ms]", yticks=range(len(titles)), yticklabels=titles if goal == GOALS[0] else [], ylim=(len(titles) - 0.5, -0.5))
         axes.margins(x=0.05)
-        axes.set_title(f"final error ≤ {goal:.0e}")
+        axes.set_title(f"final error ≤ $10^{{{round(log10(goal))}}}$")
     handles, labels = fig.axes[0].get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper center", ncols=len(handles), frameon=False)
+    with style():
+        fig.legend(handles, labels, loc="outside upper center", ncols=len(handles))
     work, cost = fig.axes[2:]
     if "relay" in results.tables:
         trials = results.tables["relay"][1]
@@ -135,7 +138,7 @@ def picture(results: Results):
             front = [t for t in own if not any(o.seconds < t.seconds and o.error < t.error for o in own)]
             front.sort(key=lambda t: t.seconds)
             work.loglog([1e3 * t.seconds for t in front], [t.error for t in front], marker + "-", color=color, markersize=4, linewidth=1)
-        work.set(title="hysteresis relay: the best of all methods and tolerances", xlabel="time of one run [ms]", ylabel="final error", ylim=(1e-12, 1))
+        work.set(title="hysteresis relay, best of all settings", xlabel="time of one run [ms]", ylabel="final error", ylim=(1e-12, 1))
         work.margins(x=0.05)
     styles = {"length": "-", "events": "--", "lanes": ":"}
     for g in results.scale.growth:
@@ -144,9 +147,9 @@ def picture(results: Results):
         cost.loglog(g.sizes, [1e3 * s for s in g.seconds], marker + styles[kind], color=color, markersize=4, linewidth=1.2)
     for kind, style in styles.items():
         cost.plot([], [], style, color="#555555", label=f"n = {kind}")
-    cost.set(title="cost grows in proportion", xlabel="n", ylabel="time [ms]")
+    cost.set(title="cost over n", xlabel="n", ylabel="time [ms]")
     cost.margins(x=0.05)
-    cost.legend(loc="lower right")
+    cost.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)
     return fig
 
 

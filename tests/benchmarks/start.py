@@ -1,4 +1,4 @@
-"""What each tool costs before its first answer: importing it, and the first run of the stick-slip problem in a new process.
+"""What each tool costs before its first answer: its import, and the first run of the stick-slip problem in a new process.
 
     start_up(quick, log) -> list of Start
 """
@@ -12,9 +12,6 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
-
-IMPORTS = {"labkit": "import labkit", "SciPy": "from scipy.integrate import solve_ivp", "CyRK": "import CyRK", "PathSim": "import pathsim", "heyoka": "import heyoka"}
 
 #: (tool, what is said of it, module, name of the contestant, starts with an empty cache)
 FIRST = (
@@ -31,45 +28,42 @@ FIRST = (
 CHILD = """
 from time import perf_counter
 from tests.benchmarks.problems import PROBLEMS
-from tests.benchmarks.{module} import contestants
-contestant = next(c for c in contestants(PROBLEMS["stick_slip"]) if c.tool == {tool!r} and c.method in ("DOP853", "Taylor", "RKDP87"))
 began = perf_counter()
+from tests.benchmarks.{module} import contestants
+imported = perf_counter()
+contestant = next(c for c in contestants(PROBLEMS["stick_slip"]) if c.tool == {tool!r} and c.method in ("DOP853", "Taylor", "RKDP87"))
 contestant.make(1e-6)()
-print(perf_counter() - began)
+print(imported - began, perf_counter() - imported)
 """
 
 
 @dataclass
 class Start:
-    """Seconds to import a tool (over a bare interpreter) or to its first answer (without the import)."""
+    """Seconds for the import of a tool (NumPy and what states the problem are there already) and from there to its first answer."""
 
     tool: str
     remark: str
-    seconds: float
+    imported: float
+    answered: float
 
 
-def _child(code: str, **environment: str) -> tuple[float, str]:
-    began = perf_counter()
+def _child(code: str, **environment: str) -> tuple[float, float]:
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, cwd=root, env={**os.environ, "PYTHONPATH": str(root), **environment})
-    return (perf_counter() - began, done.stdout.strip()) if done.returncode == 0 else (float("nan"), "nan")
+    return tuple(map(float, done.stdout.split())) if done.returncode == 0 else (float("nan"), float("nan"))
 
 
-def start_up(quick: bool, log: Callable = print) -> tuple[list[Start], list[Start]]:
-    """start_up(quick, print) -> (imports, first answers); best of three processes each, one where it compiles for long. NaN: not there."""
+def start_up(quick: bool, log: Callable = print) -> list[Start]:
+    """start_up(quick, print) -> list of Start: the best of three processes each, one where nothing is kept; NaN for a tool that is not there."""
     log("start-up …")
-    rounds = 1 if quick else 3
-    bare = min(_child("pass")[0] for _ in range(rounds))
-    imports = [Start(tool, code, min(_child(code)[0] for _ in range(rounds)) - bare) for tool, code in IMPORTS.items()]
-    firsts = []
+    found = []
     for tool, remark, module, name, empty in FIRST:
-        seconds = []
-        for _ in range(1 if empty else rounds):
-            if empty and quick:
-                seconds.append(float("nan"))
-                continue
+        if quick and empty:
+            continue
+        times = []
+        for _ in range(1 if empty or quick else 3):
             with tempfile.TemporaryDirectory() as folder:
-                seconds.append(float(_child(CHILD.format(module=module, tool=name), **({"LABKIT_CACHE": folder} if empty else {}))[1]))
-        firsts.append(Start(tool, remark, min(seconds)))
-        log(f"    {tool}: {firsts[-1].seconds:.3f} s {remark}")
-    return imports, firsts
+                times.append(_child(CHILD.format(module=module, tool=name), **({"LABKIT_CACHE": folder} if empty else {})))
+        found.append(Start(tool, remark, *min(times, key=sum)))
+        log(f"    {tool}: {sum(min(times)):.3f} s {remark}")
+    return found
