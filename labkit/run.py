@@ -11,7 +11,7 @@ import csv
 import io
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -42,6 +42,29 @@ class Event:
         return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (f"  ({changed})" if changed else "")
 
 
+class Events(Sequence):
+    """Events(count, make): the ledger as a sequence; make() gives the list of Event, and is called when somebody looks."""
+
+    def __init__(self, count: int, make: Callable[[], list[Event]]):
+        self._count, self._make = count, make
+
+    @cached_property
+    def _events(self) -> list[Event]:
+        return self._make()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: int | slice) -> Event | list[Event]:
+        return self._events[index]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and self._events == list(other)
+
+    def __repr__(self) -> str:
+        return repr(self._events)
+
+
 @dataclass(frozen=True)
 class Work:
     """What it cost: accepted and rejected steps, evaluations of flows and guards, events, seconds, and by which means."""
@@ -64,7 +87,7 @@ class Run:
     j        (m,) number of events so far; each sample advances t or j, never both
     mode     (m,) name of the mode of each sample
     run[n]   (m,) a state or output; NaN in modes that do not have it
-    events   the ledger, a list of Event
+    events   the ledger, a sequence of Event
     stopped  why it ended: "finished", 'terminal event "destroyed"', "Zeno at …"
     p        the parameters used, p.g; work: the Work done
     """
@@ -75,7 +98,7 @@ class Run:
     j: np.ndarray
     mode_index: np.ndarray
     values: np.ndarray  # (m, most states of any mode)
-    events: list[Event]
+    events: Sequence[Event]
     stopped: str
     work: Work
     pieces: np.ndarray  # one row a step: t0, h, mode, then the coefficients of its polynomial in (t − t0)/h, lowest first
@@ -200,6 +223,8 @@ class Runs:
         return len(self.t)
 
     def __getitem__(self, name: str) -> np.ndarray:
+        if name in self.system.units:  # the parameters do not matter: all lanes at once
+            return _column(self.system, (), name, self.t.ravel(), self.mode_index.ravel(), self.values.reshape(-1, self.values.shape[2])).reshape(self.t.shape)
         return np.array([_column(self.system, p, name, t, m, v) for p, t, m, v in zip(self.p, self.t, self.mode_index, self.values, strict=True)])
 
     def __iter__(self) -> Iterator[dict[str, np.ndarray]]:
@@ -213,7 +238,7 @@ class Runs:
         last = (self.mode_index >= 0).sum(axis=1) - 1
         lanes = np.arange(len(self))
         t, modes, values = self.t[lanes, last], self.mode_index[lanes, last], self.values[lanes, last]
-        return {n: np.array([_column(self.system, p, n, t[i : i + 1], modes[i : i + 1], values[i : i + 1])[0] for i, p in enumerate(self.p)]) for n in self.system.units}
+        return {name: _column(self.system, (), name, t, modes, values) for name in self.system.units}
 
     def __repr__(self) -> str:
         return f"Runs of {self.system.name!r}: {len(self)} runs, up to {self.t.shape[1]} samples each"

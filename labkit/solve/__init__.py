@@ -13,14 +13,17 @@ import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
+from types import SimpleNamespace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ..model import At, Every, ModelError, System, listed, number
-from ..run import Event, Run, Runs, Work
+from ..run import Event, Events, Run, Runs, Work
 from . import core
 from .backend import addresses, compiled, core_is_kept, load_core
 from .functions import Plain, check_functions, orientations
+from .layout import workspace
 from .methods import DEGREE, FIXED_STEP, METHODS, explicit, proxy
 from .scipy_step import SciPyStep
 
@@ -49,15 +52,17 @@ def simulate(system: System, t_end: float, *, t0: float = 0.0, start: Mapping[st
     error: it ends early and run.stopped names the reason.
     """
     began = perf_counter()
-    settings = _Settings(system, t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events, max_steps)
+    settings = _settings(system, t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events, max_steps, True)
     p = system.values(parameters)
-    begin, first_mode = _start(system, {**system.start, **(start or {})}, mode, settings.t0, p)
-    check_functions(system, p, settings.t0, begin, first_mode)
-    code = settings.code()
-    settings.ready(code is None)
-    lane = _Lane(settings, p, begin, first_mode, code)
-    status = lane.run()
-    return lane.as_run(status, perf_counter() - began)
+    begin, first_mode = _start(system, {**system.start, **start} if start else system.start, mode, settings.t0, p)
+    code = settings.code(p, begin, first_mode)
+    batch = settings.free.pop() if settings.free and settings.free[-1].code is code and code is not None else _Batch(settings, code, 1)
+    batch.load(np.array([p]), np.array([begin]), np.array([settings.place[first_mode]]))
+    batch.run()
+    run = batch.as_run(p, began)
+    if code is not None:
+        settings.free.append(batch)  # its memory serves the next run
+    return run
 
 
 def simulate_many(system: System, t_end: float, *, t0: float = 0.0, start: Mapping[str, object] | None = None, mode: str | None = None,
@@ -70,34 +75,34 @@ def simulate_many(system: System, t_end: float, *, t0: float = 0.0, start: Mappi
     `simulate`. Compiled runs are shared out over all cores (`workers` threads). Raises ModelError as `simulate` does.
     """
     began = perf_counter()
-    settings = _Settings(system, t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events, max_steps, dense=False)
-    given = {**system.start, **(start or {})}
-    columns = {**{("start", k): np.asarray(v, dtype=float) for k, v in given.items()}, **{("p", k): np.asarray(v, dtype=float) for k, v in parameters.items()}}
-    lengths = {k[1]: len(v) for k, v in columns.items() if v.ndim == 1}
-    if any(v.ndim > 1 for v in columns.values()) or len(set(lengths.values())) > 1:
+    settings = _settings(system, t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events, max_steps, False)
+    columns = {key: np.asarray(value, dtype=float) for key, value in [*parameters.items(), *(start or {}).items()]}
+    lengths = {key: len(value) for key, value in columns.items() if value.ndim == 1}
+    if any(value.ndim > 1 for value in columns.values()) or len(set(lengths.values())) > 1:
         raise ModelError(f"simulate_many takes numbers and arrays of one common length; here {lengths or 'arrays of two dimensions'}")
     lanes = next(iter(lengths.values()), 1)
-    full = {k: np.broadcast_to(v, (lanes,)).tolist() for k, v in columns.items()}
-    code = settings.code(lanes)
-    settings.ready(code is None)
-    prepared = []
-    for i in range(lanes):
-        p = system.values({k[1]: v[i] for k, v in full.items() if k[0] == "p"})
-        begin, first_mode = _start(system, {k[1]: v[i] for k, v in full.items() if k[0] == "start"}, mode, settings.t0, p)
-        if i == 0:
-            check_functions(system, p, settings.t0, begin, first_mode)
-        prepared.append((p, begin, first_mode))
-
-    def work(i: int) -> tuple:
-        lane = _Lane(settings, *prepared[i], code)
-        return lane, lane.run()
-
-    if code is None or lanes == 1:
-        done = [work(i) for i in range(lanes)]
+    if lanes == 0:
+        raise ModelError(f"simulate_many got arrays without entries for {listed(lengths)}: there is nothing to simulate")
+    for key in parameters:
+        for extreme in _extremes(columns[key]):  # between its least and its greatest value all others are in range too
+            system.values({key: extreme})
+    p = np.stack([np.broadcast_to(columns.get(key, parameter.value) if key in parameters else parameter.value, lanes) for key, parameter in system.parameters.items()] or [np.empty(lanes)], axis=1)
+    begin, modes = _starts(settings, {**system.start, **{key: columns[key] for key in start or {}}}, mode, p)
+    name = settings.modes[modes[0]]
+    code = settings.code(system.P(*p[0].tolist()), tuple(begin[0].tolist()[: len(system.states_of(name))]), name, lanes)
+    threads = 1 if code is None else min(workers or os.cpu_count() or 1, lanes)
+    blocks = np.array_split(np.arange(lanes), 1 if threads == 1 else min(4 * threads, lanes))
+    batches = []
+    for block in blocks:
+        batch = _Batch(settings, code, len(block))
+        batch.load(p[block], begin[block], modes[block])
+        batches.append(batch)
+    if threads == 1:
+        batches[0].run()
     else:  # the compiled core lets go of the interpreter's lock
-        with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-            done = list(pool.map(work, range(lanes)))
-    return _gather(settings, done, perf_counter() - began)
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(_Batch.run, batches))
+    return _gather(settings, p, batches, began)
 
 
 def warm(progress: Callable[[str], object] = print) -> bool:
@@ -114,10 +119,10 @@ def warm(progress: Callable[[str], object] = print) -> bool:
 
 
 class _Settings:
-    """What all lanes of a call share, checked: method tables, structure of the modes, options."""
+    """What all runs with the same options share, checked: method tables, structure of the modes; and workspaces to use again."""
 
     def __init__(self, system: System, t_end: float, t0: float, method: str, rtol: float, atol: float, step: float | None, max_step: float | None,
-                 points: int | np.ndarray, locate: bool, backend: str, max_events: int, max_steps: int, dense: bool = True):
+                 points: int | np.ndarray, locate: bool, backend: str, max_events: int, max_steps: int, dense: bool):
         self.system, self.dense, self.locate = system, dense, bool(locate)
         self.t0, self.t_end = number(t0, "t0"), number(t_end, "t_end")
         if self.t_end <= self.t0:
@@ -148,44 +153,106 @@ class _Settings:
         self.degree = DEGREE[method] if self.external else self.table.Q.shape[0]
         self.proxy = min(max(self.degree + 1, 4), 8)
         self.modes = list(system.modes)
+        self.place = {mode: index for index, mode in enumerate(self.modes)}
         self.width = max(len(system.states_of(m)) for m in self.modes)
-        self.plans = [i for i, tr in enumerate(system.transitions) if tr.at is not None]
+        self.plans = [tr for tr in system.transitions if tr.at is not None]
         self.fixed = self._fixed()
+        self.free: list[_Batch] = []
+        self.checked: object = None  # the code with which the model's functions have been tried
 
     def _fixed(self) -> dict[str, np.ndarray]:
-        """The fields of the workspace that are the same for every lane: the method's table and the structure of the modes."""
+        """The fields of the workspace that are the same for every run: how it begins, the method's table and the structure of the modes."""
         system, table, trs, modes = self.system, self.table, self.system.transitions, self.modes
-        rows = table.A.shape[0]
-        a_from, a_column, a_value = _sparse(table.A)
-        w_from, w_row, w_value = _sparse(np.zeros((self.degree, rows)) if self.external else table.W.T)
-        q = np.zeros((self.degree, self.degree)) if self.external else table.Q
-        node, bernstein, test = proxy(self.proxy)
         leave = [[i for i in system.leaving[m] if trs[i].guard is not None] for m in modes]
         order = sorted(range(len(trs)), key=lambda i: (-trs[i].priority, i))
+        urgent = {None: core.REFUSE, False: core.NO, True: core.YES}
+        instants = [len(tr.at.instants) if isinstance(tr.at, At) else 0 for tr in self.plans]
+        i0, f0 = np.zeros(core.INTEGERS, dtype=np.int64), np.zeros(core.FLOATS)
+        for place, value in {
+            core.FRESH: 1, core.ENTRY: 1, core.STAGES: table.stages, core.DEGREE: self.degree, core.PROXY: self.proxy,
+            core.ADAPTIVE: 2 if self.external else 0 if self.method in FIXED_STEP else 1, core.TWO: self.method == "DOP853", core.LOCATE: self.locate,
+            core.DENSE: self.dense, core.TRANSITIONS: len(trs), core.MAX_EVENTS: self.max_events, core.MAX_STEPS: self.max_steps, core.ORDER: table.order,
+            core.ROWS: len(table.A), core.WIDTH: self.width, core.PARAMETERS: len(system.parameters),
+        }.items():
+            i0[place] = value
+        for place, value in {
+            core.T: self.t0, core.H: self.step if self.method in FIXED_STEP else 0.0, core.T_END: self.t_end, core.RTOL: self.rtol, core.ATOL: self.atol,
+            core.MAX_STEP: self.max_step, core.T0: self.t0, core.EVENT_T: -1e300, core.DUE_T: -1e300, core.SPAN: self.t_end - self.t0,
+        }.items():
+            f0[place] = value
         fixed = {
-            "a_from": a_from, "a_column": a_column, "a_value": a_value, "b": [*table.B, *[0.0] * (rows - len(table.B))], "c": table.C, "e": table.E,
-            "w_from": w_from, "w_row": w_row, "w_value": w_value, "q": q, "node": node, "bernstein": bernstein, "test": test,
-            "size": [len(system.states_of(m)) for m in modes], "leave_from": np.cumsum([0, *map(len, leave)]), "leave": sum(leave, []),
+            "i0": i0, "f0": f0, "c": table.C, "grid": self.grid, "size": [len(system.states_of(m)) for m in modes],
+            "leave_from": np.cumsum([0, *map(len, leave)]), "leave": sum(leave, []),
             "source": np.array([[m in tr.sources for m in modes] for tr in trs]).reshape(len(trs), len(modes)),
-            "target": [-1 if tr.target is None else modes.index(tr.target) for tr in trs],
-            "zeno": [-1 if tr.zeno is None else modes.index(tr.zeno) for tr in trs],
-            "directed": [tr.direction != 0 for tr in trs], "urgent": [bool(tr.urgent) for tr in trs], "rank": np.argsort(order), "plan": self.plans, "grid": self.grid,
+            "target": [-1 if tr.target is None else self.place[tr.target] for tr in trs], "zeno": [-1 if tr.zeno is None else self.place[tr.zeno] for tr in trs],
+            "directed": [tr.direction != 0 for tr in trs], "urgent": [urgent[tr.urgent] for tr in trs], "rank": np.argsort(order),
+            "plan": [system.transitions.index(tr) for tr in self.plans], "plan_from": np.cumsum([0, *instants]),
         }
-        kinds = {name: kind for name, kind, _ in core.workspace(*[1] * 14)}
+        no_interpolant = np.zeros((self.degree, 1))  # SciPy's methods bring their own
+        for name, matrix in {"a": table.A, "e": table.E, "w": no_interpolant if self.external else table.W.T, "q": no_interpolant if self.external else table.Q}.items():
+            rows, columns = np.nonzero(matrix)
+            fixed |= {f"{name}_from": np.searchsorted(rows, np.arange(len(matrix) + 1)), f"{name}_column": columns, f"{name}_value": matrix[rows, columns]}
+        fixed["node"], fixed["bernstein"], fixed["test"] = proxy(self.proxy)
+        self.sizes = {
+            "n": self.width, "modes": len(modes), "transitions": len(trs), "guards": len(fixed["leave"]), "rows": len(table.A), "degree": self.degree, "proxy": self.proxy,
+            "instants": sum(instants), "schedules": len(self.plans), "grid": len(self.grid), **{name: len(fixed[f"{name}_value"]) for name in "aewq"},
+        }
+        kinds = {name: kind for name, kind, _ in core.FIELDS}
         return {name: np.ascontiguousarray(value, dtype=float if kinds[name] == "f" else np.int64) for name, value in fixed.items()}
 
-    def ready(self, plain: bool) -> None:
-        """Once before the first lane: lists for the plain back end, addresses for the compiled one."""
-        self.shared = {name: array.tolist() if plain else array for name, array in self.fixed.items()}
-        self.known = {} if plain else {name: array.ctypes.data for name, array in self.fixed.items()}
+    def code(self, p: tuple, start: tuple[float, ...], mode: str, lanes: int = 1) -> object:
+        """The compiled code, or None for the plain back end; the model's functions are tried unless this very code has run with them."""
+        if self.checked is None:
+            self.check_start(start, mode, p)
+        code = self._code(lanes)
+        if self.checked not in (None, code):  # something that they read has changed
+            self.check_start(start, mode, p)
+        self.checked = code
+        return code
 
-    def code(self, lanes: int = 1):
+    def _code(self, lanes: int) -> object:
         if self.external or self.backend == "plain" or (self.backend == "auto" and os.environ.get("LABKIT_BACKEND") == "plain"):
             if self.external and self.backend == "compiled":
                 raise ModelError(f"method {self.method!r} is SciPy's and runs with backend='plain' or 'auto' only")
             return None
         # many lanes in plain Python would take longer than the compiler needs for a model
         return compiled(self.system, wait=self.backend == "compiled", patience=0.0 if lanes < 10 else 3.0)
+
+    def check_start(self, start: tuple[float, ...], mode: str, p: tuple) -> None:
+        """Why a start does not do, in words: the model's functions are tried, and a guard that is passed already is refused."""
+        check_functions(self.system, p, self.t0, start, mode)
+        s = self.system.S[mode](*start)
+        for i in self.system.leaving[mode]:
+            tr = self.system.transitions[i]
+            if tr.guard is None or tr.direction == 0 or tr.urgent is not None:
+                continue
+            value = float(tr.guard(self.t0, s, p))
+            beyond = tr.direction * value - tr.tolerance
+            if beyond > 1e-9 * (1 + max(map(abs, start))):
+                side = "> 0" if tr.direction > 0 else "< 0"
+                raise ModelError(
+                    f"the start does not fit mode {mode!r}: the guard of {tr.name!r} is already {value:.6g} ({side}) at t = {self.t0:g}. "
+                    f"Start elsewhere, choose another mode{'' if tr.target in (None, mode) else f' (mode={tr.target!r}?)'}, or say what the transition "
+                    f"shall do: urgent=True fires at once, urgent=False waits for the next crossing"
+                )
+
+
+#: Settings used lately, so that a slider's next position need not make them again.
+_settings_of: WeakKeyDictionary[System, dict[tuple, _Settings]] = WeakKeyDictionary()
+
+
+def _settings(system: System, *options: object) -> _Settings:
+    try:
+        kept = _settings_of.setdefault(system, {})
+        if found := kept.get(options):
+            return found
+    except TypeError:  # an array of sample times is no key
+        return _Settings(system, *options)  # type: ignore[arg-type]
+    made = _Settings(system, *options)  # type: ignore[arg-type]
+    if len(kept) >= 8:
+        kept.clear()
+    kept[options] = made
+    return made
 
 
 def _count(value: object, what: str) -> int:
@@ -207,144 +274,163 @@ def _start(system: System, start: Mapping[str, float], mode: str | None, t0: flo
     return system.check_start({k: v for k, v in start.items() if k in own or k not in system.units}, mode), mode
 
 
-class _Lane:
-    """One run under way: the workspace and what is needed to turn it into a result."""
+def _starts(settings: _Settings, start: Mapping[str, object], mode: str | None, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Start states (lanes, width) and modes (lanes,) of many lanes."""
+    system, lanes = settings.system, len(p)
+    begin = np.zeros((lanes, settings.width))
+    if callable(mode or system.mode):
+        lists = {key: np.broadcast_to(value, lanes).tolist() for key, value in start.items()}
+        modes = np.zeros(lanes, dtype=np.int64)
+        for lane, values in enumerate(p.tolist()):
+            state, name = _start(system, {key: value[lane] for key, value in lists.items()}, mode, settings.t0, system.P(*values))
+            begin[lane, : len(state)], modes[lane] = state, settings.place[name]
+        return begin, modes
+    first = {key: float(np.ravel(value)[0]) for key, value in start.items()}
+    _, name = _start(system, first, mode, settings.t0, ())
+    for place, key in enumerate(system.states_of(name)):
+        for extreme in _extremes(np.asarray(start[key], dtype=float)):
+            number(extreme, f"start of {key!r}")
+        begin[:, place] = start[key]
+    return begin, np.full(lanes, settings.place[name])
 
-    def __init__(self, settings: _Settings, p: tuple, start: tuple[float, ...], mode: str, code: object):
-        self.settings, self.p, self.code = settings, p, code
-        system = settings.system
-        self.modes, self.width = settings.modes, settings.width
-        self._check_guards(start, mode)
-        self.sizes = {"events": 64, "pieces": 256 if settings.dense else 1}
-        self.w = self._fill(start, mode)
-        if code is None:
-            self.model = Plain(system, p, orientations(system))
+
+def _extremes(column: np.ndarray) -> list[float]:
+    """The least and the greatest entry, or NaN where there is one."""
+    return [float(np.min(column)), float(np.max(column))]
+
+
+class _Batch:
+    """Runs under way, one after the other: their workspace, and what is needed to turn it into results."""
+
+    def __init__(self, settings: _Settings, code: object, lanes: int):
+        self.settings, self.code, self.lanes = settings, code, lanes
+        self.sizes = {**settings.sizes, "lanes": lanes, "ledger": 64, "pieces": 256 if settings.dense else 1}
+        self.sizes["out"] = lanes * (len(settings.grid) + 8) + 200
+        made, plain = [], code is None
+        for name, kind, shape in self._fields():
+            if plain and name in ("out", "ledger", "pieces"):  # rows are added as they are needed
+                made.append(_Rows(*shape))
+            elif name in settings.fixed:
+                made.append(settings.fixed[name].tolist() if plain else settings.fixed[name])
+            else:
+                array = (np.empty if name == "out" else np.zeros)(shape, dtype=float if kind == "f" else np.int64)
+                made.append(array.tolist() if plain else array)
+        self.w = core.Workspace(*made)
+        self.table: np.ndarray | None = None
+        if plain:
+            self.model = Plain(settings.system, orientations(settings.system))
             if settings.external:
-                self.model.stepper = SciPyStep(settings, self.model, self.width)
-        else:
-            self.model = code.model
-            self.p_array = np.array(p, dtype=float)
-
-    def _check_guards(self, start: tuple[float, ...], mode: str) -> None:
-        """A start beyond a directed guard is refused: the mode would not hold there."""
-        s, system = self.settings.system.S[mode](*start), self.settings.system
-        for i in system.leaving[mode]:
-            tr = system.transitions[i]
-            if tr.guard is None or tr.direction == 0 or tr.urgent is not None:
-                continue
-            value = float(tr.guard(self.settings.t0, s, self.p))
-            beyond = tr.direction * value - tr.tolerance
-            if beyond > 1e-9 * (1 + max(map(abs, start))):
-                side = "> 0" if tr.direction > 0 else "< 0"
-                raise ModelError(
-                    f"the start does not fit mode {mode!r}: the guard of {tr.name!r} is already {value:.6g} ({side}) at t = {self.settings.t0:g}. "
-                    f"Start elsewhere, choose another mode{'' if tr.target in (None, mode) else f' (mode={tr.target!r}?)'}, or say what the transition "
-                    f"shall do: urgent=True fires at once, urgent=False waits for the next crossing"
-                )
-
-    def _fill(self, start: tuple[float, ...], mode: str) -> core.Workspace:
-        st, table, trs = self.settings, self.settings.table, self.settings.system.transitions
-        instants = [self._instants(i) for i in st.plans]
-        self.dimensions = (
-            st.width, len(st.modes), len(trs), len(st.fixed["leave"]), table.A.shape[0], st.degree, st.proxy, sum(len(x[3]) for x in instants), len(st.plans), len(st.grid),
-        )
-        w = self._allocate({
-            "delay": [self._delay(tr) for tr in trs], "plan_next": [x[0] for x in instants], "plan_first": [x[1] for x in instants],
-            "plan_period": [x[2] for x in instants], "plan_from": np.cumsum([0, *(len(x[3]) for x in instants)]), "instant": sum((x[3] for x in instants), []),
-            "last_t": [st.t0] * len(trs), "y": [*start, *[0.0] * (st.width - len(start))],
-        })
-        adaptive = 2 if st.external else 0 if st.method in FIXED_STEP else 1
-        for place, value in {
-            core.MODE: st.modes.index(mode), core.FRESH: 1, core.ENTRY: 1, core.STAGES: table.stages, core.DEGREE: st.degree, core.PROXY: st.proxy,
-            core.ADAPTIVE: adaptive, core.TWO: st.method == "DOP853", core.LOCATE: st.locate, core.DENSE: st.dense,
-            core.TRANSITIONS: len(trs), core.MAX_EVENTS: st.max_events, core.MAX_STEPS: st.max_steps, core.ORDER: table.order, core.ROWS: table.A.shape[0], core.WIDTH: st.width,
-        }.items():
-            w.i[place] = int(value)
-        for place, value in {
-            core.T: st.t0, core.H: st.step if adaptive == 0 else 0.0, core.T_END: st.t_end, core.RTOL: st.rtol, core.ATOL: st.atol,
-            core.MAX_STEP: st.max_step, core.T0: st.t0, core.EVENT_T: -1e300, core.DUE_T: -1e300, core.SPAN: st.t_end - st.t0,
-        }.items():
-            w.f[place] = value
-        return w
-
-    def _delay(self, tr) -> float:
-        value = self.settings.system.resolve(tr.delay, self.p, f"the delay of {tr.name!r}")
-        if value < 0:
-            raise ModelError(f"the delay of {tr.name!r} is {value:g}: a dead time cannot be negative")
-        return value
-
-    def _instants(self, i: int) -> tuple[int, float, float, list[float]]:
-        """Of a scheduled transition: k, offset, period for instants t0 + offset + k·period; or 0, 0, 0 and a list (none before t0)."""
-        system, tr = self.settings.system, self.settings.system.transitions[i]
-        if isinstance(tr.at, Every):
-            period = system.resolve(tr.at.period, self.p, f"the period of {tr.name!r}")
-            first = 0.0 if tr.at.first is None else system.resolve(tr.at.first, self.p, f"the first instant of {tr.name!r}")
-            if period <= 0 or first < 0:
-                raise ModelError(f"the schedule of {tr.name!r} has period {period:g} and first instant {first:g}: a period must be positive, an instant not negative")
-            return int(tr.at.first is None), first, period, []
-        assert isinstance(tr.at, At)
-        found = sorted(system.resolve(x, self.p, f"an instant of {tr.name!r}") for x in tr.at.instants)
-        return 0, 0.0, 0.0, [x for x in found if x >= self.settings.t0]
+                self.model.stepper = SciPyStep(settings, self.model, settings.width)
 
     def _fields(self) -> tuple:
-        n, modes, transitions, guards, rows, degree, top, instants, schedules, grid = self.dimensions
-        nonzeros, weights = len(self.settings.fixed["a_value"]), len(self.settings.fixed["w_value"])
-        return core.workspace(n, modes, transitions, guards, rows, degree, top, instants, schedules, grid, self.sizes["events"], self.sizes["pieces"], nonzeros, weights)
+        return workspace(SimpleNamespace(**self.sizes))
 
-    def _allocate(self, values: Mapping[str, object]) -> core.Workspace:
-        plain, shared, made = self.code is None, self.settings.shared, []
-        for name, kind, shape in self._fields():
-            if name in shared:
-                made.append(shared[name])
-            elif plain and name in ("out", "ledger", "pieces"):  # rows are added as they are needed
-                made.append(_Rows(*shape))
-            else:
-                array = np.zeros(shape, dtype=float if kind == "f" else np.int64)
-                if name in values and array.size:
-                    array[:] = values[name]
-                made.append(array.tolist() if plain else array)
-        return core.Workspace(*made)
+    def load(self, p: np.ndarray, start: np.ndarray, modes: np.ndarray) -> None:
+        """Parameters (lanes, parameters), start states (lanes, states of the mode) and modes (lanes,) of the runs to make."""
+        st, w = self.settings, self.w
+        self.reasons: dict[int, str] = {}
+        self.p = p
+        if self.code is None:
+            self.p_lanes = [st.system.P(*values) for values in p.tolist()]
+            w.y0[:] = np.pad(start, ((0, 0), (0, st.width - start.shape[1]))).tolist()
+        else:
+            w.y0[:, : start.shape[1]] = start
+            self.table = None if self.table is None else self.table
+        w.mode0[:] = modes if self.code else modes.tolist()
+        for i, tr in enumerate(st.system.transitions):
+            if tr.delay != 0:
+                delay = self._resolve(tr.delay, f"the delay of {tr.name!r}")
+                if delay.min() < 0:
+                    raise ModelError(f"the delay of {tr.name!r} is {delay.min():g}: a dead time cannot be negative")
+                self._put("delay", i, delay)
+        for k, tr in enumerate(st.plans):
+            self._load_schedule(k, tr)
+        w.i[core.LANE] = w.i[core.BEGUN] = w.i[core.OUT] = 0
+        w.i[core.LANES] = self.lanes
+
+    def _load_schedule(self, k: int, tr) -> None:
+        """Of a scheduled transition: instants t0 + first + m·period for m = 0 or 1, 2, …; or a list of instants, none before t0."""
+        if isinstance(tr.at, Every):
+            period = self._resolve(tr.at.period, f"the period of {tr.name!r}")
+            first = self._resolve(0.0 if tr.at.first is None else tr.at.first, f"the first instant of {tr.name!r}")
+            if period.min() <= 0 or first.min() < 0:
+                raise ModelError(f"the schedule of {tr.name!r} has period {period.min():g} and first instant {first.min():g}: a period must be positive, an instant not negative")
+            self._put("plan_first", k, first)
+            self._put("plan_period", k, period)
+            self._put("plan_next0", k, np.full(self.lanes, int(tr.at.first is None)))
+        elif tr.at.instants:
+            found = np.sort([self._resolve(x, f"an instant of {tr.name!r}") for x in tr.at.instants], axis=0)
+            for place, column in enumerate(found, self.settings.fixed["plan_from"][k]):
+                self._put("instant", place, column)
+            self._put("plan_next0", k, (found < self.settings.t0).sum(axis=0))
+
+    def _resolve(self, value: object, what: str) -> np.ndarray:
+        """A number, a parameter's name or a function of p, for every lane."""
+        system = self.settings.system
+        if callable(value):
+            return np.array([system.resolve(value, system.P(*p), what) for p in self.p.tolist()])
+        if isinstance(value, str):
+            return self.p[:, list(system.parameters).index(value)]
+        return np.full(self.lanes, system.resolve(value, (), what))
+
+    def _put(self, name: str, column: int, values: np.ndarray) -> None:
+        rows = getattr(self.w, name)
+        if self.code is not None:
+            rows[:, column] = values
+        else:
+            for row, value in zip(rows, values.tolist(), strict=True):
+                row[column] = value
+
+    def run(self) -> None:
+        w, status = self.w, core.PAUSE
+        while not (status == core.FINISHED or (status not in (core.PAUSE, core.GROW) and w.i[core.LANE] == self.lanes)):
+            if self.code is None:
+                status = core.sweep(self.model, w, self.p_lanes, 10_000)
+            else:  # in portions, so that an interrupt from the keyboard is heard
+                if self.table is None:
+                    self.table = addresses(self.code.model, self.p, 200_000, w)
+                self.table[1] = self.p.ctypes.data
+                status = self.code.run(self.table)
+            if status == core.GROW:
+                self._grow()
+                w = self.w
+            elif status == core.BAD_START:
+                lane = w.i[core.LANE] - 1
+                mode = self.settings.modes[w.i[core.MODE]]
+                start = tuple(map(float, list(w.y)[: len(self.settings.system.states_of(mode))]))
+                self.settings.check_start(start, mode, self.settings.system.P(*self.p[lane].tolist()))
+                raise ModelError(f"the flow of mode {mode!r} or a guard there is not a number at the start {start}, t = {self.settings.t0:g}")
+            elif status not in (core.PAUSE, core.FINISHED):
+                self.reasons[w.i[core.LANE] - 1] = self._reason(status)
 
     def _grow(self) -> None:
-        """Four times the room for events or pieces; what is there stays."""
-        if self.w.i[core.LEDGER] + 2 > self.sizes["events"]:
-            self.sizes["events"] *= 4
-        if self.w.i[core.PIECES] + 1 > self.sizes["pieces"]:
-            self.sizes["pieces"] *= 4
+        """More room for events, pieces or samples, whichever is short; what is there stays."""
+        w = self.w
+        for name, used in (("ledger", w.i[core.LEDGER] + 2), ("pieces", w.i[core.PIECES] + 1), ("out", w.i[core.OUT] + len(w.grid) + 4)):
+            if used > self.sizes[name]:
+                self.sizes[name] = max(4 * self.sizes[name] if name != "out" else 2 * self.sizes[name], used)
         replaced = {}
         for name, _, shape in self._fields():
             if name in ("out", "ledger", "pieces"):
-                old = getattr(self.w, name)
+                old = getattr(w, name)
                 if self.code is None:
                     old.limit = shape[0]
-                else:
-                    replaced[name] = np.zeros(shape)
+                elif len(old) < shape[0]:
+                    replaced[name] = np.empty(shape)
                     replaced[name][: len(old)] = old
-        self.w = self.w._replace(**replaced)
+        self.w, self.table = w._replace(**replaced), None
 
-    def run(self) -> int:
-        status = core.PAUSE
-        table = None
-        while status in (core.PAUSE, core.GROW):
-            if status == core.GROW:
-                self._grow()
-                table = None
-            if self.code is None:
-                status = core.advance(self.model, self.w, self.p, 10_000)
-            else:  # in portions, so that an interrupt from the keyboard is heard
-                if table is None:
-                    table = addresses(self.model, self.p_array, 200_000, self.w, self.settings.known)
-                status = self.code.run(table)
-        w, mode = self.w, self.w.i[core.MODE]
-        core.record(w, w.f[core.T], mode, w.size[mode], w.y)  # whatever stopped it, the last state reached is the last sample
-        return status
+    def reason(self, lane: int) -> str:
+        if lane in self.reasons:
+            return self.reasons[lane]
+        status, last = self.w.done[lane][core.STATUS], self.w.done[lane][core.LAST]
+        return "finished" if status == core.FINISHED else f'terminal event "{self.settings.system.transitions[last].name}"'
 
-    def reason(self, status: int) -> str:
+    def _reason(self, status: int) -> str:
+        """Of the lane that has just ended, from its workspace."""
         system, w = self.settings.system, self.w
         name = system.transitions[w.i[core.WHO]].name if system.transitions else ""
         t = f"t = {w.f[core.T]:.6g}"
-        if status == core.FINISHED:
-            return "finished"
         if status == core.TERMINAL:
             return f'terminal event "{name}"'
         if status == core.ZENO:
@@ -365,11 +451,11 @@ class _Lane:
 
     def _why_no_step(self, t: str) -> str:
         """The step shrank to nothing (or a fixed step overflowed): a flow that is no number, a state out of hand, or a singular or stiff system."""
-        system, mode = self.settings.system, self.modes[self.w.i[core.MODE]]
+        system, mode = self.settings.system, self.settings.modes[self.w.i[core.MODE]]
         names = system.states_of(mode)
         y = [float(v) for v in list(self.w.y)[: len(names)]]
         # The last attempt's stages are still there: one that is no number tells more than the tiny step
-        stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(-1, self.width)[: self.settings.table.stages + 1]
+        stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(-1, self.settings.width)[: self.settings.table.stages + 1]
         if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k]))]:
             return f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} near {t}"
         biggest = max(range(len(names)), key=lambda k: abs(y[k]))
@@ -377,30 +463,21 @@ class _Lane:
             return f"diverged: |{names[biggest]}| = {abs(y[biggest]):.3g} at {t}"
         return f"no step is short enough at {t} in mode {mode!r}: the flow is singular there, or stiff (try method='Radau')"
 
-    def _rows(self, name: str, count: int) -> np.ndarray:
+    def rows(self, name: str, count: int) -> np.ndarray:
+        """The first rows of an output, copied."""
         rows = getattr(self.w, name)
         if self.code is not None:
-            return np.array(rows[:count])
+            return rows[:count].copy()
         return np.array(rows.rows[:count], dtype=float).reshape(count, rows.width)
 
-    def work(self, seconds: float) -> Work:
-        i, st = self.w.i, self.settings
-        return Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), int(i[core.LEDGER]), seconds, st.method, "plain" if self.code is None else "compiled")
-
-    def as_run(self, status: int, seconds: float) -> Run:
-        system, w = self.settings.system, self.w
-        out = self._rows("out", w.i[core.OUT])
-        events = []
-        for line in self._rows("ledger", w.i[core.LEDGER]):
-            tr = system.transitions[int(line[1])]
-            source, target = ("sliding" if m == core.SLIDE else None if m < 0 else self.modes[int(m)] for m in line[3:5])
-            one, other = (m if m in system.modes else tr.sources[0] for m in (source, target or source))
-            before = dict(zip(system.states_of(one), line[5:].tolist(), strict=False))
-            after = dict(zip(system.states_of(other), line[5 + self.width :].tolist(), strict=False))
-            name = f"{tr.name} (sliding)" if "sliding" in (source, target) else tr.name
-            events.append(Event(float(line[0]), name, source, target, before, after, int(line[1])))
-        pieces = self._rows("pieces", w.i[core.PIECES])
-        return Run(system, self.p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], events, self.reason(status), self.work(seconds), pieces)
+    def as_run(self, p: tuple, began: float) -> Run:
+        st, i = self.settings, self.w.i
+        out, ledger = self.rows("out", i[core.OUT]), self.rows("ledger", i[core.LEDGER])
+        work = Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), len(ledger), 0.0, st.method, "plain" if self.code is None else "compiled")
+        run = Run(st.system, p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], Events(len(ledger), lambda: _events(st, ledger)),
+                  self.reason(0), work, self.rows("pieces", i[core.PIECES]))
+        object.__setattr__(work, "seconds", perf_counter() - began)
+        return run
 
 
 class _Rows:
@@ -418,23 +495,32 @@ class _Rows:
         return self.rows[index]
 
 
-def _sparse(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row starts, columns and values of the nonzeros, row by row."""
-    rows, columns = np.nonzero(matrix)
-    return np.searchsorted(rows, np.arange(matrix.shape[0] + 1)), columns, matrix[rows, columns]
+def _events(settings: _Settings, ledger: np.ndarray) -> list[Event]:
+    """The ledger's rows as events."""
+    system, modes, width, events = settings.system, settings.modes, settings.width, []
+    for line in ledger.tolist():
+        tr = system.transitions[int(line[1])]
+        source, target = ("sliding" if m == core.SLIDE else None if m < 0 else modes[int(m)] for m in line[3:5])
+        one, other = (m if m in system.modes else tr.sources[0] for m in (source, target or source))
+        before = dict(zip(system.states_of(one), line[5:], strict=False))
+        after = dict(zip(system.states_of(other), line[5 + width :], strict=False))
+        name = f"{tr.name} (sliding)" if "sliding" in (source, target) else tr.name
+        events.append(Event(line[0], name, source, target, before, after, int(line[1])))
+    return events
 
 
-def _gather(settings: _Settings, done: list[tuple[_Lane, int]], seconds: float) -> Runs:
+def _gather(settings: _Settings, p: np.ndarray, batches: list[_Batch], began: float) -> Runs:
+    """The samples of all lanes, which stand one after the other, as rectangular arrays."""
     system = settings.system
-    longest = max(lane.w.i[core.OUT] for lane, _ in done)
-    width = done[0][0].width
-    t = np.full((len(done), longest), np.nan)
-    modes = np.full((len(done), longest), -1)
-    values = np.full((len(done), longest, width), np.nan)
-    for row, (lane, _) in enumerate(done):
-        count = lane.w.i[core.OUT]
-        out = lane._rows("out", count)
-        t[row, :count], modes[row, :count], values[row, :count] = out[:, 0], out[:, 1].astype(int), out[:, 3:]
-    works = [lane.work(0.0) for lane, _ in done]
-    total = Work(*(sum(getattr(x, f) for x in works) for f in ("steps", "rejected", "evaluations", "guard_evaluations", "events")), seconds, works[0].method, works[0].backend)
-    return Runs(system, [lane.p for lane, _ in done], t, modes, values, np.array([x.events for x in works]), [lane.reason(status) for lane, status in done], total)
+    done = np.concatenate([np.array(batch.w.done) for batch in batches])
+    out = np.concatenate([batch.rows("out", batch.w.i[core.OUT]) for batch in batches])
+    counts = np.concatenate([np.diff([0, *np.array(batch.w.done)[:, core.END]]) for batch in batches])
+    shape = len(counts), int(counts.max())
+    lane, starts = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
+    place = np.arange(len(out)) - np.repeat(starts, counts)
+    t, modes, values = np.full(shape, np.nan), np.full(shape, -1), np.full((*shape, settings.width), np.nan)
+    t[lane, place], modes[lane, place], values[lane, place] = out[:, 0], out[:, 1], out[:, 3:]
+    total = done.sum(axis=0).tolist()
+    work = Work(*(total[k] for k in (core.ACCEPTED, core.FAILED, core.RATES, core.LOOKS, core.EVENTS)), perf_counter() - began, settings.method, "plain" if batches[0].code is None else "compiled")
+    reasons = [batch.reason(lane) for batch in batches for lane in range(batch.lanes)]
+    return Runs(system, [system.P(*values) for values in p.tolist()], t, modes, values, done[:, core.EVENTS].copy(), reasons, work)

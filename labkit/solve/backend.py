@@ -119,29 +119,43 @@ HOW = _source("functions") + _source("backend")
 
 def _make_core() -> tuple[Callable, object]:
     """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
-    fields = core.workspace(*[1] * 14)
+    import operator
+
+    from llvmlite import ir
     from numba import types as nb
+    from numba.core import cgutils
     from numba.core.imputils import lower_getattr_generic
-    from numba.extending import infer_getattr, intrinsic, models, register_model
     from numba.core.typing.templates import AttributeTemplate
+    from numba.extending import infer_getattr, intrinsic, lower_builtin, models, register_model, type_callable
 
-    # `w` is one pointer, to a table of addresses and shapes; w.k builds the array from its entries. (Passed as a named
-    # tuple of sixty arrays, every call had four hundred arguments and the core took a minute to compile.)
-    places, place = {}, 4
-    for name, kind, shape in fields:
-        places[name] = place, nb.Array(nb.float64 if kind == "f" else nb.int64, len(shape), "C")
-        place += 1 + len(shape)
-
+    # `w` is one pointer, to a table of addresses and shapes; w.k is made from its entries. (Passed as a named tuple of sixty
+    # arrays, every call had four hundred arguments and the core took a minute to compile; Numba's own arrays count
+    # their references, and each count is a call that keeps LLVM from seeing through.)
     class Table(nb.Type):
         def __init__(self):
             super().__init__("labkit.Workspace")
 
+    class Block(nb.Type):
+        """One field of the workspace: numbers in one or two dimensions, at an address."""
+
+        def __init__(self, item, ndim):
+            super().__init__(f"labkit.Block({item}, {ndim})")
+            self.item, self.ndim = item, ndim
+
     @register_model(Table)
     class TableModel(models.PrimitiveModel):
         def __init__(self, manager, kind):
-            from llvmlite import ir
-
             super().__init__(manager, kind, ir.IntType(64).as_pointer())
+
+    @register_model(Block)
+    class BlockModel(models.StructModel):
+        def __init__(self, manager, kind):
+            super().__init__(manager, kind, [("data", nb.CPointer(kind.item)), ("rows", nb.intp), ("width", nb.intp)])
+
+    places, place = {}, 4
+    for name, kind, shape in core.FIELDS:
+        places[name] = place, Block(nb.float64 if kind == "f" else nb.int64, len(shape))
+        place += 1 + len(shape)
 
     @infer_getattr
     class Fields(AttributeTemplate):
@@ -152,21 +166,58 @@ def _make_core() -> tuple[Callable, object]:
 
     @lower_getattr_generic(Table)
     def field(context, builder, kind, value, name):
-        from llvmlite import ir
-        from numba.np.arrayobj import populate_array
-
-        start, array = places[name]
+        start, block = places[name]
 
         def entry(k):
-            return builder.load(builder.gep(value, [ir.Constant(ir.IntType(64), start + k)]))
+            # Nothing writes to the table while the core runs. Unless LLVM is told, it reads the table again after every store
+            loaded = builder.load(builder.gep(value, [ir.Constant(ir.IntType(64), start + k)]))
+            loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+            return loaded
 
-        made = context.make_array(array)(context, builder)
-        shape = [entry(1 + axis) for axis in range(array.ndim)]
-        item = context.get_constant(nb.intp, 8)
-        strides = [item] if array.ndim == 1 else [builder.mul(item, shape[1]), item]
-        data = builder.inttoptr(entry(0), made.data.type)
-        populate_array(made, data=data, shape=shape, strides=strides, itemsize=item, meminfo=None)
+        made = cgutils.create_struct_proxy(block)(context, builder)
+        made.data = builder.inttoptr(entry(0), made.data.type)
+        made.rows = entry(1)
+        made.width = entry(2) if block.ndim == 2 else context.get_constant(nb.intp, 1)
         return made._getvalue()
+
+    @type_callable(len)
+    def type_len(context):
+        return lambda block: nb.intp if isinstance(block, Block) else None
+
+    @lower_builtin(len, Block)
+    def length(context, builder, signature, arguments):
+        return cgutils.create_struct_proxy(signature.args[0])(context, builder, value=arguments[0]).rows
+
+    @type_callable(operator.getitem)
+    def type_get(context):
+        def typer(block, index):
+            if isinstance(block, Block) and isinstance(index, nb.Integer):
+                return block.item if block.ndim == 1 else Block(block.item, 1)
+
+        return typer
+
+    @lower_builtin(operator.getitem, Block, nb.Integer)
+    def get(context, builder, signature, arguments):
+        block, index = signature.args
+        made = cgutils.create_struct_proxy(block)(context, builder, value=arguments[0])
+        index = context.cast(builder, arguments[1], index, nb.intp)
+        if block.ndim == 1:
+            return builder.load(builder.gep(made.data, [index]))
+        row = cgutils.create_struct_proxy(signature.return_type)(context, builder)
+        row.data, row.rows, row.width = builder.gep(made.data, [builder.mul(index, made.width)]), made.width, context.get_constant(nb.intp, 1)
+        return row._getvalue()
+
+    @type_callable(operator.setitem)
+    def type_set(context):
+        return lambda block, index, value: nb.none if isinstance(block, Block) and block.ndim == 1 and isinstance(index, nb.Integer) else None
+
+    @lower_builtin(operator.setitem, Block, nb.Integer, nb.Any)
+    def set(context, builder, signature, arguments):
+        block, index, value = signature.args
+        made = cgutils.create_struct_proxy(block)(context, builder, value=arguments[0])
+        place = builder.gep(made.data, [context.cast(builder, arguments[1], index, nb.intp)])
+        builder.store(context.cast(builder, arguments[2], value, block.item), place)
+        return context.get_dummy_value()
 
     @intrinsic
     def as_workspace(context, table):
@@ -178,11 +229,9 @@ def _make_core() -> tuple[Callable, object]:
         signature = nb.void(nb.int64, nb.int64, nb.int64, nb.float64, y, nb.int64, out)
 
         def codegen(context, builder, signature, arguments):
-            from llvmlite import ir
-
             double, long = ir.DoubleType(), ir.IntType(64)
             kind = ir.FunctionType(ir.VoidType(), [long, long, double] + [double.as_pointer()] * 3)
-            y, out = (context.make_array(signature.args[i])(context, builder, arguments[i]).data for i in (4, 6))
+            y, out = (cgutils.create_struct_proxy(signature.args[i])(context, builder, value=arguments[i]).data for i in (4, 6))
             p = builder.inttoptr(arguments[5], double.as_pointer())
             builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [*arguments[1:4], y, p, out])
             return context.get_dummy_value()
@@ -198,7 +247,8 @@ def flow(model, mode, t, y, p, out): call(model, {FLOW}, mode, t, y, p, out)
 def guards(model, mode, t, y, p, out): call(model, {GUARDS}, mode, t, y, p, out)
 def reset(model, transition, mode, t, y, p, out): call(model, {RESET} + mode, transition, t, y, p, out)
 def external_step(model, w, p, t, h): return 0.0
-def entry(table): return advance(table[0], as_workspace(table), table[1], table[2])
+def row(p, lane, parameters): return p + 8 * parameters * lane
+def entry(table): return sweep(table[0], as_workspace(table), table[1], table[2])
 """,
         space,
     )
@@ -208,11 +258,11 @@ def entry(table): return advance(table[0], as_workspace(table), table[1], table[
     return space["entry"], nb.intp(nb.CPointer(nb.int64))
 
 
-def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace, known: dict[str, int]) -> np.ndarray:
+def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace) -> np.ndarray:
     """The table that the compiled `entry` reads: model, p, budget, one spare, then address and shape of every field."""
     table = [model, p.ctypes.data, budget, 0]
-    for name, array in zip(w._fields, w, strict=True):
-        table.append(known[name] if name in known else array.__array_interface__["data"][0])
+    for array in w:
+        table.append(array.__array_interface__["data"][0])
         table.extend(array.shape)
     return np.array(table, dtype=np.int64)
 

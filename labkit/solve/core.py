@@ -16,7 +16,7 @@ from .step import *
 def record(w, t, mode, n, y):
     """One sample, unless it is the last one again."""
     row, jump = w.i[OUT], w.i[JUMP]
-    if row > 0 and w.out[row - 1][0] == t and w.out[row - 1][2] == jump:
+    if row > w.i[OUT_FROM] and w.out[row - 1][0] == t and w.out[row - 1][2] == jump:
         return
     out = w.out[row]
     out[0], out[1], out[2] = t, mode, jump
@@ -105,7 +105,7 @@ def postpone(w, t, transition):
     if place >= QUEUE:
         w.i[WHO] = transition
         return QUEUE_FULL
-    w.queue_t[place], w.queue[place] = t + w.delay[transition], transition
+    w.queue_t[place], w.queue[place] = t + w.delay[w.i[LANE]][transition], transition
     w.i[PENDING] = place + 1
     w.i[ENTRY], w.i[FRESH] = 1, 1
     w.hold[transition] = 1
@@ -151,10 +151,11 @@ def come_to_rest(w, t, transition, size):
 
 def plan_time(w, s):
     """Next instant of schedule s, or infinity."""
-    if w.plan_period[s] > 0.0:
-        return w.f[T0] + (w.plan_first[s] + w.plan_next[s] * w.plan_period[s])
+    lane = w.i[LANE]
+    if w.plan_period[lane][s] > 0.0:
+        return w.f[T0] + (w.plan_first[lane][s] + w.plan_next[s] * w.plan_period[lane][s])
     place = w.plan_from[s] + w.plan_next[s]
-    return w.instant[place] if place < w.plan_from[s + 1] else 1e300
+    return w.instant[lane][place] if place < w.plan_from[s + 1] else 1e300
 
 
 def next_due(w):
@@ -232,12 +233,10 @@ def advance(model, w, p, budget):
     """Go on for up to `budget` steps; returns PAUSE, GROW (an output array is full), or why the run ended."""
     i, f = w.i, w.f
     for _ in range(budget):
-        if i[LEDGER] + 2 > len(w.ledger) or i[PIECES] + 1 > len(w.pieces):
+        if i[LEDGER] + 2 > len(w.ledger) or i[PIECES] + 1 > len(w.pieces) or room(w) < len(w.grid) - i[GRID]:
             return GROW
         mode, t = i[MODE], f[T]
         n = w.size[mode]
-        if i[OUT] == 0:
-            record(w, t, mode, n, w.y)
         if i[LEDGER] >= i[MAX_EVENTS]:
             return EVENTS_OUT
         if i[STEPS] + i[REJECTED] >= i[MAX_STEPS]:
@@ -272,10 +271,10 @@ def advance(model, w, p, budget):
                 if not isfinite(w.g[k]):
                     i[WHO] = transition
                     return GUARD_NAN
-                if chosen < 0 and w.urgent[transition] == 1 and w.g[k] > 0.0 and w.hold[transition] == 0:
+                if chosen < 0 and w.urgent[transition] == YES and w.g[k] > 0.0 and w.hold[transition] == 0:
                     chosen = transition
             if chosen >= 0:
-                status = postpone(w, t, chosen) if w.delay[chosen] > 0.0 else fire(model, w, p, chosen)
+                status = postpone(w, t, chosen) if w.delay[i[LANE]][chosen] > 0.0 else fire(model, w, p, chosen)
                 if status != PAUSE:
                     return status
                 continue
@@ -374,10 +373,93 @@ def advance(model, w, p, budget):
             status = slide(w, end, n, SLIDE, i[SLIDE_A] if transition == -1 else i[SLIDE_B])
         elif end == t and begin_sliding(model, w, p, n, transition, k) == 1:
             status = slide(w, end, n, i[SLIDE_B], SLIDE)
-        elif w.delay[transition] > 0.0:
+        elif w.delay[i[LANE]][transition] > 0.0:
             status = postpone(w, end, transition)
         else:
             status = fire(model, w, p, transition)
         if status != PAUSE:
             return status
     return PAUSE
+
+
+def room(w):
+    """How many more samples of the grid there is room for; four are kept for the two sides of events and the last state."""
+    return len(w.out) - w.i[OUT] - 4
+
+
+def begin(w, lane):
+    """Everything as it is at the start of a lane, and its first sample."""
+    place, lanes = w.i[OUT], w.i[LANES]
+    for q in range(INTEGERS):
+        w.i[q] = w.i0[q]
+    for q in range(FLOATS):
+        w.f[q] = w.f0[q]
+    w.i[LANES], w.i[LANE], w.i[BEGUN] = lanes, lane, 1
+    w.i[OUT], w.i[OUT_FROM], w.i[MODE] = place, place, w.mode0[lane]
+    for q in range(w.i[TRANSITIONS]):
+        w.hold[q] = 0
+        w.last_t[q], w.last_gap[q], w.last_ratio[q] = w.f[T0], 0.0, 0.0
+    for s in range(len(w.plan)):
+        w.plan_next[s] = w.plan_next0[lane][s]
+    n = w.size[w.i[MODE]]
+    for q in range(n):
+        w.y[q] = w.y0[lane][q]
+    record(w, w.f[T], w.i[MODE], n, w.y)
+
+
+def fits(model, w, p):
+    """BAD_START if the flow or a guard is no number at the start, or a guard is passed already that does not say what then; else PAUSE."""
+    mode = w.i[MODE]
+    n = w.size[mode]
+    flow(model, mode, w.f[T], w.y, p, w.k[0])
+    largest = 0.0
+    for q in range(n):
+        largest = max(largest, abs(w.y[q]))
+        if not isfinite(w.k[0][q]):
+            return BAD_START
+    first, last = w.leave_from[mode], w.leave_from[mode + 1]
+    if last > first:
+        guards(model, mode, w.f[T], w.y, p, w.g)
+    for k in range(last - first):
+        transition = w.leave[first + k]
+        beyond = w.directed[transition] == 1 and w.urgent[transition] == REFUSE and w.g[k] > 1e-9 * (1.0 + largest)
+        if beyond or not isfinite(w.g[k]):
+            return BAD_START
+    return PAUSE
+
+
+def finish(w, lane, status):
+    """Whatever stopped it, the last state reached is the last sample; then what is kept of the lane."""
+    i, done = w.i, w.done[lane]
+    record(w, w.f[T], i[MODE], w.size[i[MODE]], w.y)
+    done[STATUS], done[LAST], done[END], done[EVENTS] = status, i[WHO], i[OUT], i[LEDGER]
+    done[ACCEPTED], done[FAILED], done[RATES], done[LOOKS] = i[STEPS], i[REJECTED], i[FLOWS], i[GUARDS]
+    i[LANE], i[BEGUN] = lane + 1, 0
+
+
+def sweep(model, w, p, budget):
+    """Lane after lane for about `budget` steps: PAUSE and GROW as `advance`, FINISHED when no lane is left.
+
+    A lane that ended otherwise than at the end or at a terminal event is returned from at once, so that it can be put
+    into words while its workspace is as it was; the next call goes on with the next lane.
+    """
+    i = w.i
+    while i[LANE] < i[LANES]:
+        lane = i[LANE]
+        mine = row(p, lane, i[PARAMETERS])
+        status = PAUSE
+        if i[BEGUN] == 0:
+            if room(w) < len(w.grid):
+                return GROW
+            begin(w, lane)
+            status = fits(model, w, mine)
+        before = i[STEPS] + i[REJECTED]
+        if status == PAUSE:
+            status = advance(model, w, mine, budget)
+        if status == PAUSE or status == GROW:
+            return status
+        budget = max(1, budget - 1 - (i[STEPS] + i[REJECTED] - before))
+        finish(w, lane, status)
+        if status != FINISHED and status != TERMINAL:
+            return status
+    return FINISHED

@@ -79,9 +79,9 @@ def fingerprint(function: Callable, seen: frozenset[int] = frozenset()) -> str:
 
 
 class Plain:
-    """Plain(system, p): what the plain back end's core calls; an arithmetic error in a flow or guard becomes NaN."""
+    """Plain(system): what the plain back end's core calls; an arithmetic error in a flow or guard becomes NaN."""
 
-    def __init__(self, system: System, p: tuple, orientations: list[list[tuple[Callable, float, float]]]):
+    def __init__(self, system: System, orientations: list[list[tuple[Callable, float, float]]]):
         new = tuple.__new__
         sizes = [len(system.states_of(mode)) for mode in system.modes]
         width = max(sizes)
@@ -90,7 +90,7 @@ class Plain:
         def make_flow(function, kind, n):
             failed = [nan] * width
 
-            def flow(t, y, _p, out):
+            def flow(t, y, p, out):
                 try:
                     out[:n] = function(t, new(kind, y if n == width else y[:n]), p)
                 except (ArithmeticError, ValueError):
@@ -99,7 +99,7 @@ class Plain:
             return flow
 
         def make_guards(pieces, kind, n):
-            def guards(t, y, _p, out):
+            def guards(t, y, p, out):
                 s = new(kind, y if n == width else y[:n])
                 for k, (function, sign, tolerance) in enumerate(pieces):
                     try:
@@ -110,7 +110,7 @@ class Plain:
             return guards
 
         def make_reset(transition):
-            def reset(mode, t, y, _p, out):
+            def reset(mode, t, y, p, out):
                 n = sizes[mode]
                 if transition.reset is None:
                     out[:n] = y[:n]

@@ -16,6 +16,9 @@ from .layout import *
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
+#: The Lebesgue constant of nine Chebyshev points is 2.24 (fewer have less): bounds a polynomial by its values there.
+LEBESGUE = 2.3
+
 
 def guard_at(model, w, p, mode, n, t, h, theta, k):
     evaluate(w, n, theta, w.y_try)
@@ -95,22 +98,30 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
             for j in range(top + 3):
                 value[j] = guard_at(model, w, p, mode, n, t, h, a + width * w.node[j], k)
         largest, spread, misfit = 0.0, 0.0, 0.0
+        for j in range(2):
+            total = 0.0
+            line = w.test[j]
+            for q in range(top + 1):
+                total += line[q] * value[q]
+            misfit = max(misfit, abs(total - value[top + 1 + j]))
+            if not isfinite(total - value[top + 1 + j]):
+                return -2.0
+        if entry == 0 or a > 0.0:
+            # Far from zero all along? Between its nodes a polynomial strays at most LEBESGUE times as far from their middle as they do
+            low, high = value[0], value[0]
+            for j in range(1, top + 1):
+                low, high = min(low, value[j]), max(high, value[j])
+            clear = abs(low + high) - LEBESGUE * (high - low) - 8.0 * misfit
+            if clear > 32.0 * EPS * max(abs(low), abs(high)) and (low > 0.0) == (side > 0):
+                continue
         for j in range(top + 1):
             total = 0.0
-            row = w.bernstein[j]
+            line = w.bernstein[j]
             for q in range(top + 1):
-                total += row[q] * value[q]
+                total += line[q] * value[q]
             hull[j] = total
             largest = max(largest, abs(total))
             spread = max(spread, abs(total - hull[0]))
-        for j in range(2):
-            total = 0.0
-            row = w.test[j]
-            for q in range(top + 1):
-                total += row[q] * value[q]
-            misfit = max(misfit, abs(total - value[top + 1 + j]))
-        if not (isfinite(largest) and isfinite(misfit)):
-            return -2.0
         if largest <= floor and not (entry == 1 and a == 0.0):
             continue
         margin = 4.0 * misfit + 8.0 * EPS * largest

@@ -1,7 +1,7 @@
 """The methods as tables: Runge–Kutta coefficients (from SciPy, not retyped), dense output as one polynomial a step.
 
     table = explicit("DOP853")
-    table.A, table.B, table.C, table.E, table.W, table.Q
+    table.A, table.C, table.E, table.W, table.Q
 
 Every method hands a step to the event location and the output in the same form, a polynomial in
 θ = (t − t0)/h with the state at t0 as its constant term: RK45 of degree 4 (Shampine), DOP853 of degree 7
@@ -30,8 +30,7 @@ class Table:
 
     stages: int
     order: int  # of the error estimate plus one: the exponent of the step control
-    A: np.ndarray  # (rows, rows)
-    B: np.ndarray  # (stages,)
+    A: np.ndarray  # (rows, rows); row `stages` holds the weights of the step itself
     C: np.ndarray  # (rows,)
     E: np.ndarray  # (2, rows) error weights; the second row is DOP853's third-order estimate
     W: np.ndarray  # (rows, degree) weights of the interpolant's own terms, F = h·Wᵀ·K
@@ -51,9 +50,9 @@ def _hermite(B: np.ndarray, stages: int) -> np.ndarray:
 def _fixed(A: list[list[float]], B: list[float], C: list[float], P: np.ndarray | None = None) -> Table:
     stages = len(B)
     full = np.zeros((stages + 1, stages + 1))
-    full[:stages, :stages] = A
+    full[:stages, :stages], full[stages, :stages] = A, B
     P = _hermite(np.array(B), stages) if P is None else P
-    return Table(stages, len(B), full, np.array(B, dtype=float), np.array([*C, 1.0]), np.zeros((2, stages + 1)), P, np.eye(P.shape[1]))
+    return Table(stages, len(B), full, np.array([*C, 1.0]), np.zeros((2, stages + 1)), P, np.eye(P.shape[1]))
 
 
 def _dop853() -> Table:
@@ -61,7 +60,7 @@ def _dop853() -> Table:
 
     rows, stages = 16, S.n_stages
     A = np.zeros((rows, rows))
-    A[:stages, :stages] = S.A[:stages, :stages]
+    A[:stages, :stages], A[stages, :stages] = S.A[:stages, :stages], S.B
     A[13:, :] = S.A_EXTRA
     E = np.zeros((2, rows))
     E[0, : stages + 1], E[1, : stages + 1] = S.E5, S.E3
@@ -81,7 +80,7 @@ def _dop853() -> Table:
     for i in range(7):
         basis = basis * ([0, 1] if i % 2 == 0 else [1, -1])
         Q[: i + 1, i] = basis.coef[1:]
-    return Table(stages, 8, A, S.B, C, E, F.T.copy(), Q)
+    return Table(stages, 8, A, C, E, F.T.copy(), Q)
 
 
 @cache
@@ -98,10 +97,10 @@ def explicit(method: str) -> Table:
     from scipy.integrate import RK45 as S
 
     A = np.zeros((7, 7))
-    A[:6, :5] = S.A
+    A[:6, :5], A[6, :6] = S.A, S.B
     E = np.zeros((2, 7))
     E[0] = S.E
-    return Table(6, 5, A, S.B, np.concatenate([S.C, [1.0]]), E, S.P, np.eye(4))
+    return Table(6, 5, A, np.concatenate([S.C, [1.0]]), E, S.P, np.eye(4))
 
 
 @cache

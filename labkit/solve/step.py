@@ -11,24 +11,34 @@ from .layout import *
 from .sliding import rates
 
 
+def combine(n, first, last, column, value, rows, h, y, out):
+    """out = y + h·Σ value[q]·rows[column[q]], q from first to last: a sparse row of a table times the stages, two states at a time."""
+    i = 0
+    while i + 1 < n:
+        one, two = 0.0, 0.0
+        for q in range(first, last):
+            factor, k = value[q], rows[column[q]]
+            one += factor * k[i]
+            two += factor * k[i + 1]
+        out[i] = y[i] + h * one
+        out[i + 1] = y[i + 1] + h * two
+        i += 2
+    if i < n:
+        one = 0.0
+        for q in range(first, last):
+            one += value[q] * rows[column[q]][i]
+        out[i] = y[i] + h * one
+
+
 def explicit_step(model, w, p, mode, n, t, h):
     """One step of the table's method from w.y, whose flow is in w.k[0]; returns the error over the tolerance."""
-    k, y, y_try, y_new = w.k, w.y, w.y_try, w.y_new
+    k, y, y_new, err = w.k, w.y, w.y_new, w.err
     a_from, a_column, a_value = w.a_from, w.a_column, w.a_value
     stages = w.i[STAGES]
-    for row in range(1, stages):
-        first, last = a_from[row], a_from[row + 1]
-        for i in range(n):
-            total = 0.0
-            for q in range(first, last):
-                total += a_value[q] * k[a_column[q]][i]
-            y_try[i] = y[i] + h * total
-        rates(model, w, mode, n, t + w.c[row] * h, y_try, p, k[row])
-    for i in range(n):
-        total = 0.0
-        for row in range(stages):
-            total += w.b[row] * k[row][i]
-        y_new[i] = y[i] + h * total
+    for stage in range(1, stages):
+        combine(n, a_from[stage], a_from[stage + 1], a_column, a_value, k, h, y, w.y_try)
+        rates(model, w, mode, n, t + w.c[stage] * h, w.y_try, p, k[stage])
+    combine(n, a_from[stages], a_from[stages + 1], a_column, a_value, k, h, y, y_new)
     rates(model, w, mode, n, t + h, y_new, p, k[stages])
     w.i[FLOWS] += stages
     if w.i[ADAPTIVE] == 0:
@@ -37,17 +47,13 @@ def explicit_step(model, w, p, mode, n, t, h):
                 return 1e300
         return 0.0
     rtol, atol = w.f[RTOL], w.f[ATOL]
+    for part in range(1 + w.i[TWO]):
+        combine(n, w.e_from[part], w.e_from[part + 1], w.e_column, w.e_value, k, 1.0, w.zero, err[part])
     high, low = 0.0, 0.0
     for i in range(n):
         scale = atol + rtol * max(abs(y[i]), abs(y_new[i]))
-        first_sum, second_sum = 0.0, 0.0
-        for row in range(stages + 1):
-            first_sum += w.e[0][row] * k[row][i]
-            second_sum += w.e[1][row] * k[row][i]
-        first_sum /= scale
-        second_sum /= scale
-        high += first_sum * first_sum
-        low += second_sum * second_sum
+        high += (err[0][i] / scale) * (err[0][i] / scale)
+        low += (err[1][i] / scale) * (err[1][i] / scale)
     if w.i[TWO] == 1:  # DOP853 weighs its fifth- and third-order estimates (Hairer, Nørsett, Wanner, II.10)
         if high == 0.0 and low == 0.0:
             return 0.0
@@ -57,43 +63,37 @@ def explicit_step(model, w, p, mode, n, t, h):
 
 def interpolate(model, w, p, mode, n, t, h):
     """The step's polynomial into w.poly; DOP853 needs three more evaluations for it."""
-    k, y, y_try = w.k, w.y, w.y_try
-    stages, degree = w.i[STAGES], w.i[DEGREE]
-    for row in range(stages + 1, w.i[ROWS]):
-        for i in range(n):
-            total = 0.0
-            for q in range(w.a_from[row], w.a_from[row + 1]):
-                total += w.a_value[q] * k[w.a_column[q]][i]
-            y_try[i] = y[i] + h * total
-        rates(model, w, mode, n, t + w.c[row] * h, y_try, p, k[row])
+    k = w.k
+    for stage in range(w.i[STAGES] + 1, w.i[ROWS]):
+        combine(n, w.a_from[stage], w.a_from[stage + 1], w.a_column, w.a_value, k, h, w.y, w.y_try)
+        rates(model, w, mode, n, t + w.c[stage] * h, w.y_try, p, k[stage])
         w.i[FLOWS] += 1
+    degree = w.i[DEGREE]
     for d in range(degree):
-        for i in range(n):
-            total = 0.0
-            for q in range(w.w_from[d], w.w_from[d + 1]):
-                total += w.w_value[q] * k[w.w_row[q]][i]
-            w.term[d][i] = h * total
+        combine(n, w.w_from[d], w.w_from[d + 1], w.w_column, w.w_value, k, h, w.zero, w.term[d])
     for i in range(n):
-        w.poly[0][i] = y[i]
+        w.poly[0][i] = w.y[i]
     for d in range(degree):
-        powers = w.q[d]
-        for i in range(n):
-            total = 0.0
-            for q in range(degree):
-                if powers[q] != 0.0:
-                    total += powers[q] * w.term[q][i]
-            w.poly[d + 1][i] = total
+        combine(n, w.q_from[d], w.q_from[d + 1], w.q_column, w.q_value, w.term, 1.0, w.zero, w.poly[d + 1])
 
 
 def evaluate(w, n, theta, out):
     """The state at θ of the current step into out (Horner)."""
-    poly = w.poly
-    for i in range(n):
-        out[i] = poly[w.i[DEGREE]][i]
-    for d in range(w.i[DEGREE] - 1, -1, -1):
-        row = poly[d]
-        for i in range(n):
-            out[i] = out[i] * theta + row[i]
+    poly, degree = w.poly, w.i[DEGREE]
+    i = 0
+    while i + 1 < n:
+        one, two = poly[degree][i], poly[degree][i + 1]
+        for d in range(degree - 1, -1, -1):
+            power = poly[d]
+            one = one * theta + power[i]
+            two = two * theta + power[i + 1]
+        out[i], out[i + 1] = one, two
+        i += 2
+    if i < n:
+        one = poly[degree][i]
+        for d in range(degree - 1, -1, -1):
+            one = one * theta + poly[d][i]
+        out[i] = one
 
 
 def first_step(model, w, p, mode, n):
