@@ -390,7 +390,7 @@ def test_lanes_that_end_for_different_reasons_keep_apart(backend):
         "many fates", states={"y": "m", "v": "m/s"}, parameters={"g": 10.0, "x": 0.0}, modes=[fall], start={"y": 1.0, "v": 0.0},
         transitions=[
             Transition("fall", "fall", guard=lambda t, s, p: s.y, direction=-1, reset=lambda t, s, p: (0.0, -0.9 * s.v), label="bounce"),
-            Transition("fall", None, guard=lambda t, s, p: s.v - 6.0 - 1e200 * p.x, direction=1, label="too fast"),
+            Transition("fall", None, guard=lambda t, s, p: s.y - 5.2 - 1e200 * p.x, direction=1, label="too high"),
         ],
     )
     start = {"y": np.tile([0.2, 1.0, 3.0, 5.0], 15), "v": np.linspace(-1, 5, 60)}
