@@ -17,7 +17,7 @@ _HOMES = {
     "model": "At Every Mode ModelError Output Parameter System Transition",
     "equations": "equations jacobian mode_diagram parameter_table",
     "solve": "METHODS simulate simulate_many",
-    "run": "Event Run Runs Work load_npz",
+    "run": "Event Run Runs Touch Work load_npz",
     "draw": "COLORS Sketch View figure mode_colors phase_portrait time_plot",
     "linear": "classify",
     "panel": "explore",
