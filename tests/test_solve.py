@@ -382,6 +382,53 @@ def test_many_runs_are_the_single_runs(backend):
 # ---------------------------------------------------------------- runs that cannot go on
 
 
+@pytest.mark.parametrize("backend", BOTH)
+def test_lanes_that_end_for_different_reasons_keep_apart(backend):
+    """Finished, terminal, diverged, with many events and few: each lane is what it would be alone, whatever ran before it in the same workspace."""
+    fall = Mode("fall", lambda t, s, p: (s.v, p.x * s.y * s.y - p.g))
+    system = System(
+        "many fates", states={"y": "m", "v": "m/s"}, parameters={"g": 10.0, "x": 0.0}, modes=[fall], start={"y": 1.0, "v": 0.0},
+        transitions=[
+            Transition("fall", "fall", guard=lambda t, s, p: s.y, direction=-1, reset=lambda t, s, p: (0.0, -0.9 * s.v), label="bounce"),
+            Transition("fall", None, guard=lambda t, s, p: s.y - 5.2 - 1e200 * p.x, direction=1, label="too high"),
+        ],
+    )
+    start = {"y": np.tile([0.2, 1.0, 3.0, 5.0], 15), "v": np.linspace(-1, 5, 60)}
+    x = np.where(np.arange(60) % 5 == 0, 2.0, 0.0)
+    runs = simulate_many(system, 1.5, start=start, x=x, points=7, rtol=1e-8, atol=1e-10, backend=backend)
+    assert {reason.split(":")[0].split(" ")[0] for reason in runs.stopped} == {"finished", "terminal", "diverged"}
+    for lane, row in enumerate(runs):
+        alone = simulate(system, 1.5, start={key: value[lane] for key, value in start.items()}, x=x[lane], points=7, rtol=1e-8, atol=1e-10, backend=backend)
+        assert runs.stopped[lane] == alone.stopped and runs.events[lane] == len(alone.events)
+        assert np.array_equal(row["t"], alone.t) and np.array_equal(row["y"], alone["y"]) and np.array_equal(row["v"], alone["v"])
+        assert runs.final["v"][lane] == alone.final["v"]
+
+
+def test_a_workspace_used_again_leaves_no_trace():
+    """The same options meet the same memory: a run after others is bit for bit the first one."""
+    for make in (systems.relay, systems.stick_slip, systems.ball, systems.heater):
+        system = make()
+        name = next(iter(system.parameters))
+        first = simulate(system, 15.0, backend="compiled")
+        value = first.p[0]
+        for factor in (0.9, 1.1):
+            simulate(system, 15.0, backend="compiled", **{name: value * factor})
+        again = simulate(system, 15.0, backend="compiled")
+        assert np.array_equal(first.t, again.t) and np.array_equal(first.values, again.values, equal_nan=True) and np.array_equal(first.pieces, again.pieces)
+        assert first.events == again.events and first.work.evaluations == again.work.evaluations
+
+
+@pytest.mark.parametrize("backend", BOTH)
+@pytest.mark.parametrize(("method", "rtol", "bound"), [("RK45", 1e-5, 1e-4), ("RK45", 1e-7, 2e-6), ("DOP853", 1e-5, 1e-4), ("DOP853", 1e-7, 1e-6)])
+def test_events_are_as_accurate_as_the_tolerance(method, rtol, bound, backend):
+    """Located on a step's interpolant alone the instants would be ten to fifty times worse than this."""
+    switches, x, v = relay_exact(40.0)
+    run = simulate(systems.relay(), 40.0, method=method, rtol=rtol, atol=rtol, backend=backend)
+    assert len(run.events) == len(switches)
+    assert max(abs(event.t - when) for event, (when, _) in zip(run.events, switches, strict=True)) < bound
+    assert abs(run.final["x"] - x) < bound
+
+
 def test_runs_end_with_a_named_reason_and_keep_what_there_is():
     blow = System("blow-up", {"x": ""}, {}, [Mode("only", lambda t, s, p: (s.x**2,))], start={"x": 1.0})
     for backend in BOTH:
@@ -508,6 +555,16 @@ def test_bad_input(system, options, words):
 def test_bad_input_of_many():
     with pytest.raises(ModelError, match="one common length"):
         simulate_many(systems.ball(), 1.0, start={"y": np.ones(3)}, e=np.full(4, 0.5))
+    with pytest.raises(ModelError, match="nothing to simulate"):
+        simulate_many(systems.ball(), 1.0, start={"y": np.array([])})
+    with pytest.raises(ModelError, match="parameter 'e' must be finite"):
+        simulate_many(systems.ball(), 1.0, e=np.array([0.5, np.nan, 0.6]))
+    with pytest.raises(ModelError, match="outside its range"):
+        simulate_many(systems.ball(), 1.0, e=np.array([0.5, 1.5, 0.6]))
+    with pytest.raises(ModelError, match="start of 'v' must be finite"):
+        simulate_many(systems.ball(), 1.0, start={"v": np.array([0.0, np.inf])})
+    with pytest.raises(ModelError, match="does not fit mode 'flight'"):  # the third of four
+        simulate_many(systems.ball(), 1.0, start={"y": np.array([1.0, 2.0, -1.0, 3.0])}, backend="compiled")
 
 
 # ---------------------------------------------------------------- compilation

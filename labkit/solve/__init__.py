@@ -30,6 +30,7 @@ from .scipy_step import SciPyStep
 __all__ = ["METHODS", "simulate", "simulate_many", "warm"]
 
 BACKENDS = ("auto", "compiled", "plain")
+OUTPUTS = ("out", "ledger", "pieces")  # the fields that grow, in the order of w.room
 
 
 def simulate(system: System, t_end: float, *, t0: float = 0.0, start: Mapping[str, float] | None = None, mode: str | None = None,
@@ -76,18 +77,21 @@ def simulate_many(system: System, t_end: float, *, t0: float = 0.0, start: Mappi
     """
     began = perf_counter()
     settings = _settings(system, t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events, max_steps, False)
-    columns = {key: np.asarray(value, dtype=float) for key, value in [*parameters.items(), *(start or {}).items()]}
-    lengths = {key: len(value) for key, value in columns.items() if value.ndim == 1}
-    if any(value.ndim > 1 for value in columns.values()) or len(set(lengths.values())) > 1:
+    given, starting = ({key: np.asarray(value, dtype=float) for key, value in some.items()} for some in (parameters, start or {}))
+    columns = [*given.items(), *starting.items()]
+    lengths = {key: len(value) for key, value in columns if value.ndim == 1}
+    if any(value.ndim > 1 for _, value in columns) or len(set(lengths.values())) > 1:
         raise ModelError(f"simulate_many takes numbers and arrays of one common length; here {lengths or 'arrays of two dimensions'}")
     lanes = next(iter(lengths.values()), 1)
     if lanes == 0:
         raise ModelError(f"simulate_many got arrays without entries for {listed(lengths)}: there is nothing to simulate")
-    for key in parameters:
-        for extreme in _extremes(columns[key]):  # between its least and its greatest value all others are in range too
-            system.values({key: extreme})
-    p = np.stack([np.broadcast_to(columns.get(key, parameter.value) if key in parameters else parameter.value, lanes) for key, parameter in system.parameters.items()] or [np.empty(lanes)], axis=1)
-    begin, modes = _starts(settings, {**system.start, **{key: columns[key] for key in start or {}}}, mode, p)
+    for key, value in given.items():
+        for extreme in (value.min(), value.max()):  # NaN where there is one; and what lies between is in range, too
+            system.values({key: float(extreme)})
+    p = np.empty((lanes, len(system.parameters)))
+    for place, (key, parameter) in enumerate(system.parameters.items()):
+        p[:, place] = given.get(key, parameter.value)
+    begin, modes = _starts(settings, {**system.start, **starting}, mode, p)
     name = settings.modes[modes[0]]
     code = settings.code(system.P(*p[0].tolist()), tuple(begin[0].tolist()[: len(system.states_of(name))]), name, lanes)
     threads = 1 if code is None else min(workers or os.cpu_count() or 1, lanes)
@@ -172,7 +176,8 @@ class _Settings:
             core.FRESH: 1, core.ENTRY: 1, core.STAGES: table.stages, core.DEGREE: self.degree, core.PROXY: self.proxy,
             core.ADAPTIVE: 2 if self.external else 0 if self.method in FIXED_STEP else 1, core.TWO: self.method == "DOP853", core.LOCATE: self.locate,
             core.DENSE: self.dense, core.TRANSITIONS: len(trs), core.MAX_EVENTS: self.max_events, core.MAX_STEPS: self.max_steps, core.ORDER: table.order,
-            core.ROWS: len(table.A), core.WIDTH: self.width, core.PARAMETERS: len(system.parameters),
+            core.ROWS: len(table.A), core.WIDTH: self.width, core.PARAMETERS: len(system.parameters), core.SAMPLES: len(self.grid),
+            core.SCHEDULES: len(self.plans), core.POWERS: not table.Q.any(),
         }.items():
             i0[place] = value
         for place, value in {
@@ -188,8 +193,8 @@ class _Settings:
             "directed": [tr.direction != 0 for tr in trs], "urgent": [urgent[tr.urgent] for tr in trs], "rank": np.argsort(order),
             "plan": [system.transitions.index(tr) for tr in self.plans], "plan_from": np.cumsum([0, *instants]),
         }
-        no_interpolant = np.zeros((self.degree, 1))  # SciPy's methods bring their own
-        for name, matrix in {"a": table.A, "e": table.E, "w": no_interpolant if self.external else table.W.T, "q": no_interpolant if self.external else table.Q}.items():
+        interpolant = (np.zeros((self.degree, 1)),) * 2 if self.external else (table.W.T, table.Q)  # SciPy's methods bring their own
+        for name, matrix in zip("aewq", (table.A, table.E, *interpolant), strict=True):
             rows, columns = np.nonzero(matrix)
             fixed |= {f"{name}_from": np.searchsorted(rows, np.arange(len(matrix) + 1)), f"{name}_column": columns, f"{name}_value": matrix[rows, columns]}
         fixed["node"], fixed["bernstein"], fixed["test"] = proxy(self.proxy)
@@ -288,15 +293,10 @@ def _starts(settings: _Settings, start: Mapping[str, object], mode: str | None, 
     first = {key: float(np.ravel(value)[0]) for key, value in start.items()}
     _, name = _start(system, first, mode, settings.t0, ())
     for place, key in enumerate(system.states_of(name)):
-        for extreme in _extremes(np.asarray(start[key], dtype=float)):
-            number(extreme, f"start of {key!r}")
+        for extreme in (np.min(start[key]), np.max(start[key])):
+            number(float(extreme), f"start of {key!r}")
         begin[:, place] = start[key]
     return begin, np.full(lanes, settings.place[name])
-
-
-def _extremes(column: np.ndarray) -> list[float]:
-    """The least and the greatest entry, or NaN where there is one."""
-    return [float(np.min(column)), float(np.max(column))]
 
 
 class _Batch:
@@ -308,14 +308,16 @@ class _Batch:
         self.sizes["out"] = lanes * (len(settings.grid) + 8) + 200
         made, plain = [], code is None
         for name, kind, shape in self._fields():
-            if plain and name in ("out", "ledger", "pieces"):  # rows are added as they are needed
-                made.append(_Rows(*shape))
+            if plain and name in OUTPUTS:  # rows are added as they are needed
+                made.append(_Rows(shape[1]))
             elif name in settings.fixed:
                 made.append(settings.fixed[name].tolist() if plain else settings.fixed[name])
             else:
                 array = (np.empty if name == "out" else np.zeros)(shape, dtype=float if kind == "f" else np.int64)
                 made.append(array.tolist() if plain else array)
         self.w = core.Workspace(*made)
+        self.w.room[:] = [self.sizes[name] for name in OUTPUTS]
+        self.p = np.zeros((lanes, len(settings.system.parameters)))
         self.table: np.ndarray | None = None
         if plain:
             self.model = Plain(settings.system, orientations(settings.system))
@@ -329,13 +331,12 @@ class _Batch:
         """Parameters (lanes, parameters), start states (lanes, states of the mode) and modes (lanes,) of the runs to make."""
         st, w = self.settings, self.w
         self.reasons: dict[int, str] = {}
-        self.p = p
+        self.p[:] = p
         if self.code is None:
             self.p_lanes = [st.system.P(*values) for values in p.tolist()]
             w.y0[:] = np.pad(start, ((0, 0), (0, st.width - start.shape[1]))).tolist()
         else:
             w.y0[:, : start.shape[1]] = start
-            self.table = None if self.table is None else self.table
         w.mode0[:] = modes if self.code else modes.tolist()
         for i, tr in enumerate(st.system.transitions):
             if tr.delay != 0:
@@ -389,8 +390,8 @@ class _Batch:
             else:  # in portions, so that an interrupt from the keyboard is heard
                 if self.table is None:
                     self.table = addresses(self.code.model, self.p, 200_000, w)
-                self.table[1] = self.p.ctypes.data
-                status = self.code.run(self.table)
+                    self.address = self.table.ctypes.data
+                status = self.code.run(self.address)
             if status == core.GROW:
                 self._grow()
                 w = self.w
@@ -406,19 +407,16 @@ class _Batch:
     def _grow(self) -> None:
         """More room for events, pieces or samples, whichever is short; what is there stays."""
         w = self.w
-        for name, used in (("ledger", w.i[core.LEDGER] + 2), ("pieces", w.i[core.PIECES] + 1), ("out", w.i[core.OUT] + len(w.grid) + 4)):
+        for name, used in (("ledger", w.i[core.LEDGER] + 2), ("pieces", w.i[core.PIECES] + 1), ("out", w.i[core.OUT] + len(self.settings.grid) + 4)):
             if used > self.sizes[name]:
                 self.sizes[name] = max(4 * self.sizes[name] if name != "out" else 2 * self.sizes[name], used)
         replaced = {}
         for name, _, shape in self._fields():
-            if name in ("out", "ledger", "pieces"):
-                old = getattr(w, name)
-                if self.code is None:
-                    old.limit = shape[0]
-                elif len(old) < shape[0]:
-                    replaced[name] = np.empty(shape)
-                    replaced[name][: len(old)] = old
+            if name in OUTPUTS and self.code is not None and len(old := getattr(w, name)) < shape[0]:
+                replaced[name] = np.empty(shape)
+                replaced[name][: len(old)] = old
         self.w, self.table = w._replace(**replaced), None
+        self.w.room[:] = [self.sizes[name] for name in OUTPUTS]
 
     def reason(self, lane: int) -> str:
         if lane in self.reasons:
@@ -481,13 +479,10 @@ class _Batch:
 
 
 class _Rows:
-    """A list of rows for the plain back end that makes a row when it is first touched; its len is the limit."""
+    """A list of rows for the plain back end that makes a row when it is first touched."""
 
-    def __init__(self, limit: int, width: int):
-        self.limit, self.width, self.rows = limit, width, []
-
-    def __len__(self) -> int:
-        return self.limit
+    def __init__(self, width: int):
+        self.width, self.rows = width, []
 
     def __getitem__(self, index: int) -> list[float]:
         while len(self.rows) <= index:

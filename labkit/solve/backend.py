@@ -150,7 +150,7 @@ def _make_core() -> tuple[Callable, object]:
     @register_model(Block)
     class BlockModel(models.StructModel):
         def __init__(self, manager, kind):
-            super().__init__(manager, kind, [("data", nb.CPointer(kind.item)), ("rows", nb.intp), ("width", nb.intp)])
+            super().__init__(manager, kind, [("data", nb.CPointer(kind.item)), ("width", nb.intp)][: kind.ndim])
 
     places, place = {}, 4
     for name, kind, shape in core.FIELDS:
@@ -176,17 +176,9 @@ def _make_core() -> tuple[Callable, object]:
 
         made = cgutils.create_struct_proxy(block)(context, builder)
         made.data = builder.inttoptr(entry(0), made.data.type)
-        made.rows = entry(1)
-        made.width = entry(2) if block.ndim == 2 else context.get_constant(nb.intp, 1)
+        if block.ndim == 2:
+            made.width = entry(2)
         return made._getvalue()
-
-    @type_callable(len)
-    def type_len(context):
-        return lambda block: nb.intp if isinstance(block, Block) else None
-
-    @lower_builtin(len, Block)
-    def length(context, builder, signature, arguments):
-        return cgutils.create_struct_proxy(signature.args[0])(context, builder, value=arguments[0]).rows
 
     @type_callable(operator.getitem)
     def type_get(context):
@@ -204,7 +196,7 @@ def _make_core() -> tuple[Callable, object]:
         if block.ndim == 1:
             return builder.load(builder.gep(made.data, [index]))
         row = cgutils.create_struct_proxy(signature.return_type)(context, builder)
-        row.data, row.rows, row.width = builder.gep(made.data, [builder.mul(index, made.width)]), made.width, context.get_constant(nb.intp, 1)
+        row.data = builder.gep(made.data, [builder.mul(index, made.width)])
         return row._getvalue()
 
     @type_callable(operator.setitem)
@@ -316,15 +308,15 @@ def model_text(system: System) -> str:
 
 
 class Code:
-    """Compiled code of one system: run(table) goes on with the run that a table of `addresses` describes."""
+    """Compiled code of one system: run(address) goes on with the runs that the table of `addresses` there describes."""
 
     def __init__(self, core_function: tuple[object, int], model_function: tuple[object, int]):
         self._alive = core_function, model_function
         self._entry = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function[1])
         self.model = model_function[1]
 
-    def run(self, table: np.ndarray) -> int:
-        return self._entry(table.ctypes.data)
+    def run(self, address: int) -> int:
+        return self._entry(address)
 
 
 _lock = threading.RLock()

@@ -8,7 +8,7 @@ and `w`, the workspace (fields in `workspace`), holds everything that must survi
 from math import isfinite
 
 from .layout import *
-from .locate import find_event
+from .locate import find_event, guard_at, refine
 from .sliding import back_to_surface, begin_sliding, rates, watch, watch_count, watched
 from .step import *
 
@@ -161,7 +161,7 @@ def plan_time(w, s):
 def next_due(w):
     """The next instant of a schedule or at the end of a dead time."""
     due = 1e300
-    for s in range(len(w.plan)):
+    for s in range(w.i[SCHEDULES]):
         due = min(due, plan_time(w, s))
     for q in range(w.i[PENDING]):
         due = min(due, w.queue_t[q])
@@ -171,7 +171,7 @@ def next_due(w):
 def take_due(w, until):
     """Take the transition of highest priority that is due off its schedule or queue; −1 if there is none. Not for this mode: dropped."""
     best, where, queued = -1, -1, False
-    for s in range(len(w.plan)):
+    for s in range(w.i[SCHEDULES]):
         if plan_time(w, s) <= until and (best < 0 or w.rank[w.plan[s]] < w.rank[best]):
             best, where, queued = w.plan[s], s, False
     for q in range(w.i[PENDING]):
@@ -189,12 +189,12 @@ def take_due(w, until):
 def sample(w, t, h, end, mode, n):
     """Samples of the grid within (t, end], from the step's polynomial; the end's own from w.y."""
     place = w.i[GRID]
-    while place < len(w.grid) and w.grid[place] < end:
+    while place < w.i[SAMPLES] and w.grid[place] < end:
         if w.grid[place] > t:
             evaluate(w, n, (w.grid[place] - t) / h, w.y_try)
             record(w, w.grid[place], mode, n, w.y_try)
         place += 1
-    if place < len(w.grid) and w.grid[place] == end:
+    if place < w.i[SAMPLES] and w.grid[place] == end:
         record(w, end, mode, n, w.y)
         place += 1
     w.i[GRID] = place
@@ -209,6 +209,60 @@ def keep_piece(w, t, h, mode, n):
             for i in range(n):
                 piece[3 + d * width + i] = w.poly[d][i]
         w.i[PIECES] += 1
+
+
+def defect(model, w, p, mode, n, t, h, theta):
+    """By how much the step's polynomial misses the differential equation at θ, times h, over the tolerance."""
+    evaluate(w, n, theta, w.y_try)
+    rates(model, w, mode, n, t + theta * h, w.y_try, p, w.err[0])
+    w.i[FLOWS] += 1
+    largest = 0.0
+    for q in range(n):
+        slope = 0.0
+        for d in range(w.i[DEGREE], 0, -1):
+            slope = slope * theta + d * w.poly[d][q]
+        largest = max(largest, abs(slope - h * w.err[0][q]) / (w.f[ATOL] + w.f[RTOL] * abs(w.y_try[q])))
+    return largest
+
+
+def retake(model, w, p, mode, n, t, h, theta, k, limit):
+    """Take the step anew, as long as the event needs: (h, θ) of the event on the new step, or the old ones where that is not clear.
+
+    Between its ends a step is known by an interpolant of lower order than the method's. So an event in its middle is less
+    accurate than the tolerance promises, and the state that starts the next mode with it. The new step ends near the event.
+    """
+    transition = watched(w, mode, k)
+    if transition < 0 or w.i[SLIDING] == 1:
+        return h, theta
+    short = theta * h
+    if defect(model, w, p, mode, n, t, h, theta) < 1e-3:
+        return h, theta
+    for q in range(n):  # for the way back
+        for d in range(w.i[DEGREE] + 1):
+            w.kept[d][q] = w.poly[d][q]
+    side = 1.0 if w.side[k] > 0 else -1.0
+    better = 2.0
+    if explicit_step(model, w, p, mode, n, t, short) < 1.0:
+        interpolate(model, w, p, mode, n, t, short)
+        value = guard_at(model, w, p, mode, n, t, short, 1.0, k)
+        slope = (value - guard_at(model, w, p, mode, n, t, short, 0.999, k)) / 0.001
+        off = abs(value / slope) if slope != 0.0 else 1.0
+        if off < 0.02:
+            reach = 2.0 * off + 1e-13
+            one, two = guard_at(model, w, p, mode, n, t, short, 1.0 - reach, k), guard_at(model, w, p, mode, n, t, short, 1.0 + reach, k)
+            if one * side < 0.0 and two * side > 0.0:
+                better = refine(model, w, p, mode, n, t, short, k, 1.0 - reach, one, 1.0 + reach, two)
+    if t + better * short <= limit:
+        guard_at(model, w, p, mode, n, t, short, better, k)
+        for q in range(watch_count(w, mode)):  # no other guard may have passed in between
+            if w.g[q] * w.side[q] < 0.0:
+                better = 2.0
+    if better < 1.5 and t + better * short <= limit:
+        return short, better
+    for q in range(n):
+        for d in range(w.i[DEGREE] + 1):
+            w.poly[d][q] = w.kept[d][q]
+    return h, theta
 
 
 def unlocated_event(model, w, p, mode, n, entry):
@@ -233,7 +287,7 @@ def advance(model, w, p, budget):
     """Go on for up to `budget` steps; returns PAUSE, GROW (an output array is full), or why the run ended."""
     i, f = w.i, w.f
     for _ in range(budget):
-        if i[LEDGER] + 2 > len(w.ledger) or i[PIECES] + 1 > len(w.pieces) or room(w) < len(w.grid) - i[GRID]:
+        if i[LEDGER] + 2 > w.room[ROOM_LEDGER] or i[PIECES] + 1 > w.room[ROOM_PIECES] or room(w) < i[SAMPLES] - i[GRID]:
             return GROW
         mode, t = i[MODE], f[T]
         n = w.size[mode]
@@ -317,7 +371,7 @@ def advance(model, w, p, budget):
         end = limit if snapped else t + h
 
         theta, k = 2.0, -1
-        wanted = i[DENSE] == 1 or (count > 0 and i[LOCATE] == 1) or (i[GRID] < len(w.grid) and w.grid[i[GRID]] < end)
+        wanted = i[DENSE] == 1 or (count > 0 and i[LOCATE] == 1) or (i[GRID] < i[SAMPLES] and w.grid[i[GRID]] < end)
         if i[ADAPTIVE] < 2 and wanted:
             interpolate(model, w, p, mode, n, t, h)
         if i[LOCATE] == 1:
@@ -348,6 +402,8 @@ def advance(model, w, p, budget):
             come_to_rest(w, t, transition, n)
             continue
         if k >= 0 and theta < 1.0:
+            if theta > 0.0 and i[ADAPTIVE] == 1:
+                h, theta = retake(model, w, p, mode, n, t, h, theta, k, limit)
             end = t + theta * h
             evaluate(w, n, theta, w.y_new)
             i[FRESH] = 1
@@ -360,7 +416,7 @@ def advance(model, w, p, budget):
             i[ENTRY] = 0
             if i[SLIDING] == 1:
                 back_to_surface(model, w, p, n, end, w.y)
-            if wanted or (i[GRID] < len(w.grid) and w.grid[i[GRID]] <= end):
+            if wanted or (i[GRID] < i[SAMPLES] and w.grid[i[GRID]] <= end):
                 sample(w, t, h, end, mode, n)
         if k < 0:
             if i[ADAPTIVE] == 1 or i[ADAPTIVE] == 0:
@@ -384,7 +440,7 @@ def advance(model, w, p, budget):
 
 def room(w):
     """How many more samples of the grid there is room for; four are kept for the two sides of events and the last state."""
-    return len(w.out) - w.i[OUT] - 4
+    return w.room[ROOM_OUT] - w.i[OUT] - 4
 
 
 def begin(w, lane):
@@ -399,7 +455,7 @@ def begin(w, lane):
     for q in range(w.i[TRANSITIONS]):
         w.hold[q] = 0
         w.last_t[q], w.last_gap[q], w.last_ratio[q] = w.f[T0], 0.0, 0.0
-    for s in range(len(w.plan)):
+    for s in range(w.i[SCHEDULES]):
         w.plan_next[s] = w.plan_next0[lane][s]
     n = w.size[w.i[MODE]]
     for q in range(n):
@@ -449,7 +505,7 @@ def sweep(model, w, p, budget):
         mine = row(p, lane, i[PARAMETERS])
         status = PAUSE
         if i[BEGUN] == 0:
-            if room(w) < len(w.grid):
+            if room(w) < w.i0[SAMPLES]:
                 return GROW
             begin(w, lane)
             status = fits(model, w, mine)

@@ -14,10 +14,12 @@ ARRIVED = 17  # the mode in which the instant of a schedule was reached
 # Sliding: on or not; its two modes and the position of the surface's guard among those of the first and of the second
 SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B = range(18, 23)
 # … settings among them …
-STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER, ROWS, WIDTH, PARAMETERS, LANES = range(23, 38)
+STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER, ROWS, WIDTH, PARAMETERS, SAMPLES, SCHEDULES, POWERS, LANES = range(23, 41)
 # … and which lane is under way, and whether it has begun
-LANE, BEGUN = 38, 39
-INTEGERS = 40
+LANE, BEGUN = 41, 42
+INTEGERS = 43
+# Rows of the outputs, in w.room
+ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f
 T, H, T_END, RTOL, ATOL, MAX_STEP, T0, EVENT_T, ZENO_T, SPAN, DUE_T, PROBE = range(12)
 FLOATS = 12
@@ -36,7 +38,7 @@ NO, YES, REFUSE = 0, 1, 2  # in w.urgent: a start beyond the guard waits, fires,
 def workspace(z):
     """The fields of w as (name, "f" or "i", shape) for the sizes in z: one list for the plain lists, the arrays and their addresses."""
     return (
-        ("i", "i", (INTEGERS,)), ("f", "f", (FLOATS,)),
+        ("i", "i", (INTEGERS,)), ("f", "f", (FLOATS,)), ("room", "i", (3,)),
         # what is to be done: how w.i and w.f begin, and what each lane begins with
         ("i0", "i", (INTEGERS,)), ("f0", "f", (FLOATS,)), ("mode0", "i", (z.lanes,)), ("y0", "f", (z.lanes, z.n)), ("done", "i", (z.lanes, 8)),
         ("delay", "f", (z.lanes, z.transitions)), ("plan_next0", "i", (z.lanes, z.schedules)), ("plan_first", "f", (z.lanes, z.schedules)),
@@ -53,7 +55,7 @@ def workspace(z):
         ("rank", "i", (z.transitions,)), ("plan", "i", (z.schedules,)), ("plan_from", "i", (z.schedules + 1,)),
         # the state and its surroundings
         ("y", "f", (z.n,)), ("y_new", "f", (z.n,)), ("y_try", "f", (z.n,)), ("zero", "f", (z.n,)), ("k", "f", (z.rows, z.n)), ("err", "f", (2, z.n)),
-        ("term", "f", (z.degree, z.n)), ("poly", "f", (z.degree + 1, z.n)),
+        ("term", "f", (z.degree, z.n)), ("poly", "f", (z.degree + 1, z.n)), ("kept", "f", (z.degree + 1, z.n)),
         ("at_node", "f", (z.proxy + 3, z.guards + 2)), ("value", "f", (z.proxy + 3,)), ("hull", "f", (z.proxy + 1,)), ("g", "f", (z.guards + 2,)),
         ("stack", "f", (256,)), ("side", "i", (z.guards + 2,)), ("hold", "i", (z.transitions,)), ("root", "f", (z.guards + 2,)),
         ("rate_a", "f", (z.n,)), ("rate_b", "f", (z.n,)), ("y_probe", "f", (z.n,)), ("g_probe", "f", (z.guards + 2,)),

@@ -34,7 +34,7 @@ class Table:
     C: np.ndarray  # (rows,)
     E: np.ndarray  # (2, rows) error weights; the second row is DOP853's third-order estimate
     W: np.ndarray  # (rows, degree) weights of the interpolant's own terms, F = h·Wᵀ·K
-    Q: np.ndarray  # (degree, degree) from those terms to powers: coefficient of θ^(k+1) is Σ Q[k, i]·F[i]
+    Q: np.ndarray  # (degree, degree) from those terms to powers: coefficient of θ^(k+1) is Σ Q[k, i]·F[i]; zero: they are the powers
 
 
 def _hermite(B: np.ndarray, stages: int) -> np.ndarray:
@@ -52,7 +52,7 @@ def _fixed(A: list[list[float]], B: list[float], C: list[float], P: np.ndarray |
     full = np.zeros((stages + 1, stages + 1))
     full[:stages, :stages], full[stages, :stages] = A, B
     P = _hermite(np.array(B), stages) if P is None else P
-    return Table(stages, len(B), full, np.array([*C, 1.0]), np.zeros((2, stages + 1)), P, np.eye(P.shape[1]))
+    return Table(stages, len(B), full, np.array([*C, 1.0]), np.zeros((2, stages + 1)), P, np.zeros((P.shape[1],) * 2))
 
 
 def _dop853() -> Table:
@@ -100,7 +100,7 @@ def explicit(method: str) -> Table:
     A[:6, :5], A[6, :6] = S.A, S.B
     E = np.zeros((2, 7))
     E[0] = S.E
-    return Table(6, 5, A, np.concatenate([S.C, [1.0]]), E, S.P, np.eye(4))
+    return Table(6, 5, A, np.concatenate([S.C, [1.0]]), E, S.P, np.zeros((4, 4)))
 
 
 @cache

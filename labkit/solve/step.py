@@ -68,12 +68,12 @@ def interpolate(model, w, p, mode, n, t, h):
         combine(n, w.a_from[stage], w.a_from[stage + 1], w.a_column, w.a_value, k, h, w.y, w.y_try)
         rates(model, w, mode, n, t + w.c[stage] * h, w.y_try, p, k[stage])
         w.i[FLOWS] += 1
-    degree = w.i[DEGREE]
+    degree, powers = w.i[DEGREE], w.i[POWERS] == 1  # the terms are the powers of θ already
     for d in range(degree):
-        combine(n, w.w_from[d], w.w_from[d + 1], w.w_column, w.w_value, k, h, w.zero, w.term[d])
+        combine(n, w.w_from[d], w.w_from[d + 1], w.w_column, w.w_value, k, h, w.zero, w.poly[d + 1] if powers else w.term[d])
     for i in range(n):
         w.poly[0][i] = w.y[i]
-    for d in range(degree):
+    for d in range(0 if powers else degree):
         combine(n, w.q_from[d], w.q_from[d + 1], w.q_column, w.q_value, w.term, 1.0, w.zero, w.poly[d + 1])
 
 
