@@ -16,6 +16,10 @@ import numpy as np
 from .problems import Problem
 
 
+#: A loop that has met so many events gives up: at a loose tolerance a ball may lose so much that its bounces pile up.
+ENOUGH = 2000
+
+
 class Answer(NamedTuple):
     """State at the end, and the instants of all events that the run has made."""
 

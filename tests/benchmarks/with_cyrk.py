@@ -12,7 +12,7 @@ import numpy as np
 from CyRK import cyjit, nbsolve2_ivp, pysolve_ivp
 from numba import njit
 
-from .contest import Answer, Contestant
+from .contest import ENOUGH, Answer, Contestant
 from .problems import Problem
 
 OWN_LOOP = "CyRK, own loop"
@@ -105,12 +105,13 @@ def height(y, p):
 @njit
 def ball_loop(address, p, y, t_end, method, tol):
     t, instants = 0.0, []
-    while True:
+    while len(instants) < ENOUGH:
         t, y, hit = chase(address, p, height, t, y, t_end, 3.0, method, tol)
         if not hit:
-            return y, instants
+            break
         instants.append(t)
         y[0], y[1] = 0.0, -p[1] * y[1]
+    return y, instants
 
 
 def ball(p, start, t_end, nb, method, tol):
@@ -122,13 +123,14 @@ def ball(p, start, t_end, nb, method, tol):
 
     def run():
         t, y, instants = 0.0, start, []
-        while True:
+        while len(instants) < ENOUGH:
             piece = pysolve_ivp(flow, (t, t_end), y, method=method, args=(args,), rtol=tol, atol=tol, events=(ground,), pass_dy_as_arg=True)
             if not piece.event_terminated:
                 return Answer(piece.y[:, -1], instants)
             t = piece.t_events[0][-1]
             y = np.array([0.0, -p.e * piece.y[1, -1]])
             instants.append(t)
+        return Answer(y, instants)
 
     return run
 

@@ -6,9 +6,10 @@ import numpy as np
 from pathsim import Simulation
 from pathsim.blocks import ODE
 from pathsim.events import Schedule, ZeroCrossingDown, ZeroCrossingUp
+from pathsim.exceptions import StopSimulation
 from pathsim.solvers import RKCK54, RKDP54, RKDP87, RKV65
 
-from .contest import Answer, Contestant
+from .contest import ENOUGH, Answer, Contestant
 from .problems import Problem
 
 SOLVERS = {"RKCK54": RKCK54, "RKDP54": RKDP54, "RKV65": RKV65, "RKDP87": RKDP87}
@@ -30,6 +31,8 @@ class Model:
         def note(t):
             if act(t) is not False:
                 self.instants.append(t)
+            if len(self.instants) > ENOUGH:
+                raise StopSimulation
 
         self.events.append(kind(func_evt=guard, func_act=note, tolerance=tol))
 

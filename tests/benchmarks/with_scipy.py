@@ -5,7 +5,7 @@ from math import sin
 
 from scipy.integrate import solve_ivp
 
-from .contest import Answer, Contestant
+from .contest import ENOUGH, Answer, Contestant
 from .problems import Problem
 
 METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
@@ -46,12 +46,13 @@ def ball(p, t_end, y, options):
 
     ground = event(lambda t, y: y[0], -1)
     t, instants = 0.0, []
-    while True:
+    while len(instants) < ENOUGH:
         t, y, hit = go(flow, t, t_end, y, ground, options)
         if hit is None:
-            return Answer(y, instants)
+            break
         y = 0.0, -p.e * y[1]
         instants.append(t)
+    return Answer(y, instants)
 
 
 def relay(p, t_end, y, options, samples=None):
