@@ -69,7 +69,7 @@ def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
     d = float(u @ v)
     if abs(d) > 1e-12 * np.hypot(*u) * np.hypot(*v):
         raise ModelError(f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the inverse of E + u vᵀ. "
-                         f"Take v = k (−u2, u1) with any k, or use matrix_b, which allows it")
+                         f"Take v = k (u2, −u1) with any k, or use matrix_b, which allows it")
     return Similarity(E + np.outer(u, v), E - np.outer(u, v))
 
 
