@@ -1,0 +1,113 @@
+"""What all twelve assignments of part 1 must fulfil, on the systems and functions of the notebooks themselves."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from labkit import affine, assignment, check_design, classify, equilibrium, exact, explore, planes, simulate, true_error
+
+from .helpers import load
+
+TYPES = ("stable node", "unstable node", "stable star", "unstable star", "stable improper node", "unstable improper node", "saddle", "centre",
+         "stable spiral point", "unstable spiral point", "stable node", "unstable node")
+BY = ("matrix A", "matrix B", "reflection", "rotation", "matrix A", "matrix B", "reflection", "rotation", "matrix A", "matrix B", "reflection", "rotation")
+NUMBERS = [n for n in range(1, 13) if assignment(1, n).exists]
+
+
+@pytest.fixture(params=NUMBERS)
+def number(request):
+    return request.param
+
+
+@pytest.fixture
+def book(number):
+    return load(assignment(1, number).path)
+
+
+def test_the_course_and_this_test_agree(number):
+    words = assignment(1, number).title.lower().replace("elliptic point", "centre").replace("spiral", "spiral point")
+    assert words == f"{TYPES[number - 1]}, {BY[number - 1]}".lower()
+
+
+def test_type_equilibrium_and_transformation(number, book):
+    """The defaults meet the task, and the student's cell at the end does too."""
+    A, b = affine(book["system"])
+    _, similarity = book["parts"](book["system"].values())
+    review = check_design(A, b, similarity.S, TYPES[number - 1], BY[number - 1])
+    assert review.passed, review
+    assert check_design(book["my_A"], book["my_b"], book["my_S"], TYPES[number - 1], BY[number - 1]).passed
+    mode = next(iter(book["system"].modes.values()))
+    x, y = equilibrium(A, b)
+    assert mode.flow(0.0, book["system"].S[mode.name](x, y), book["system"].values()) == pytest.approx((0, 0), abs=1e-12)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_every_position_of_the_sliders(number, data):
+    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays, unless a border is stated for them."""
+    book = load(assignment(1, number).path)
+    system = book["system"]
+    values = {name: data.draw(st.floats(p.low, p.high), label=name) for name, p in system.parameters.items()}
+    p = system.values(values)
+    assume(book.get("allowed", lambda p: True)(p))
+    Lambda, (S, inverse) = book["parts"](p)
+    assume(np.linalg.cond(S) < 1e4)
+    A, b = affine(system, p)
+    assert S @ inverse == pytest.approx(np.eye(2), abs=1e-9)
+    assert S @ Lambda @ inverse == pytest.approx(A, rel=1e-7, abs=1e-9)
+    assert np.trace(A) == pytest.approx(np.trace(Lambda), abs=1e-6)
+    if min(np.linalg.svd(Lambda)[1]) > 1e-3 and abs(np.subtract(*np.linalg.eigvals(Lambda))) > 0.05 and np.linalg.cond(S) < 30:
+        assert classify(A, 1e-8) == classify(Lambda, 1e-8)
+
+
+def test_simulated_against_exact_at_1e_10(number, book):
+    """To 1e-9 of the largest state, from several starts; an unstable system multiplies every early error by e^{λt}."""
+    system, horizon = book["system"], book["horizon"]
+    rest = equilibrium(*affine(system))
+    names = system.states
+    for offset in ((1.0, 0.0), (-0.3, 0.8), (0.0, -1.0), (0.4, 0.4)):
+        run = simulate(system, horizon, start=dict(zip(names, rest + offset, strict=True)), rtol=1e-10, atol=1e-12)
+        size = max(1.0, *(np.abs(run[name]).max() for name in names))
+        assert run.stopped == "finished" and true_error(run).max() < 1e-9 * size
+
+
+def test_the_exact_solution_is_the_handbooks(number, book):
+    system, horizon = book["system"], min(book["horizon"], 3.0)
+    A, b = affine(system)
+    start = equilibrium(A, b) + (0.7, -0.4)
+    t = np.linspace(0, horizon, 7)
+    right = np.array([expm(A * x) @ start + np.linalg.solve(A, (expm(A * x) - np.eye(2)) @ b) for x in t])
+    assert exact(A, b, start, t) == pytest.approx(right, rel=1e-9, abs=1e-9)
+
+
+def test_the_panel_at_the_ends_of_its_sliders(number, book):
+    panel = explore(book["system"], book["horizon"], lambda run: planes(run, book["parts"]), verdict=book["verdict"])
+    panel.check()
+    assert TYPES[number - 1] in book["verdict"](simulate(book["system"], book["horizon"]))
+
+
+# ---- what is special in each
+
+
+@pytest.mark.skipif(1 not in NUMBERS, reason="not written")
+def test_01_a_flood_before_the_decay():
+    book = load(assignment(1, 1).path)
+    system, t = book["system"], np.linspace(0, 10, 20_001)
+    A, b = affine(system)
+    assert A.tolist() == [[-0.5, 0], [4, -1.5]] and equilibrium(A, b) == pytest.approx([0.4, 1.2])
+    wave = exact(A, b, (1.4, 1.2), t)[:, 1] - 1.2
+    assert wave == pytest.approx(4 * (np.exp(-0.5 * t) - np.exp(-1.5 * t)), abs=1e-13)
+    assert (wave.max(), t[wave.argmax()]) == pytest.approx((8 / 27**0.5, np.log(3)), rel=1e-3)
+    growth = [np.linalg.norm(expm(A * x), 2) for x in np.linspace(0, 3, 301)]
+    assert max(growth) == pytest.approx(book["growth"].max(), rel=1e-4) and max(growth) == pytest.approx(1.6627, abs=1e-3)
+    assert np.degrees(np.arctan2(*np.abs(np.linalg.svd(expm(A * 0.971))[2][0][::-1]))) == pytest.approx(7.5, abs=0.05)
+    for k, grows in ((1.72, False), (1.74, True)):
+        M = affine(system, system.values({"k": k}))[0]
+        assert bool(np.linalg.eigvalsh(M + M.T)[-1] > 0) is grows
+    fast = affine(system, system.values({"lambda1": -1.0}))[0]
+    wave = exact(fast, (0, 0), (1, 0), t)[:, 1]
+    assert (wave.max(), t[wave.argmax()]) == pytest.approx((0.5926, 2 * np.log(1.5)), rel=1e-3)
+    assert affine(system, system.values({"u1": 1.0, "u2": 0.0, "k": 3.0}))[0] == pytest.approx(np.array([[-0.5, 3], [0, -1.5]]))
+    assert -A @ (1, 1) == pytest.approx([0.5, -2.5])
