@@ -63,3 +63,62 @@ def test_12_answers_to_the_tasks(lava):
     assert np.degrees(30) % 360 == pytest.approx(278.9, abs=0.05)
     assert expm(np.diag([1.2, 0.3]) * 6) @ (0.001, 0.1) == pytest.approx(lava["z_exact"])
     assert rotation(30).S == pytest.approx(rotation(np.radians(278.8734)).S, abs=1e-5)
+
+
+# ---- 11: stable node by reflection
+
+
+@pytest.fixture(scope="module")
+def learner():
+    return load("part1/11_stable_node_reflection")
+
+
+def test_11_the_flow_is_steepest_descent_on_the_data(learner):
+    system, load_, length = learner["system"], learner["load"], learner["length"]
+    A, b = affine(system)
+    X = np.column_stack([load_, np.ones(5)])
+    assert A == pytest.approx(-X.T @ X / 5, abs=1e-14) and b == pytest.approx(X.T @ length / 5, abs=1e-14)
+    assert equilibrium(A, b) == pytest.approx(np.linalg.lstsq(X, length, rcond=None)[0])
+    point, step = np.array([0.3, -0.8]), 1e-6
+    gradient = [(learner["misfit"](*(point + e)) - learner["misfit"](*(point - e))) / (2 * step) for e in step * np.eye(2)]
+    mode = system.modes["descend"]
+    assert mode.flow(0.0, system.S["descend"](*point), system.values()) == pytest.approx(-np.array(gradient), abs=1e-8)
+
+
+def test_11_two_speeds(learner):
+    long = learner["long"]
+    s = np.array([[2.0], [1.0]]) + 0.4 * np.exp(-0.1 * long.t) * [[-0.6], [0.8]] - 2.2 * np.exp(-2.6 * long.t) * [[0.8], [0.6]]
+    assert np.array([long["s1"], long["s2"]]) == pytest.approx(s, abs=1e-8)
+    now = long.at(2.0)
+    misfit, best = learner["misfit"], learner["best"]
+    assert misfit(now["s1"], now["s2"]) - best < 1e-3 * (misfit(0.0, 0.0) - best) and now["s2"] > 1.25
+    assert long.at(10 * np.log(32))["s2"] == pytest.approx(1.01, abs=1e-6)
+
+
+def test_11_a_mirrored_node_is_a_turned_node(learner):
+    G, H = learner["G"], learner["H"].S
+    assert np.linalg.det(G) == pytest.approx(1) and G.T @ G == pytest.approx(np.eye(2)) and np.linalg.det(H) == pytest.approx(-1)
+    assert G @ learner["Lambda"] @ G.T == pytest.approx(learner["A"])
+
+
+def test_11_gradient_descent(learner):
+    for (h, _, measured, theory) in learner["rows"]:
+        assert float(measured) == pytest.approx(max(abs(1 - 0.1 * float(h)), abs(1 - 2.6 * float(h))), abs=2e-4) == float(theory)
+    factors = {h: max(abs(1 - 0.1 * h), abs(1 - 2.6 * h)) for h in np.linspace(0.5, 0.8, 301)}
+    best = min(factors, key=factors.get)
+    assert best == pytest.approx(2 / 2.7, abs=1e-3) and factors[best] == pytest.approx(25 / 27, abs=2e-3)
+
+
+def test_11_answers_to_the_tasks(learner):
+    def bowl(x):
+        X = np.column_stack([x, np.ones(len(x))])
+        return np.linalg.eigvalsh(X.T @ X / len(x))
+
+    few = bowl(np.arange(10.0, 16.0))
+    assert few == pytest.approx([0.0182, 160.15], rel=1e-2) and few[1] / few[0] == pytest.approx(8800, rel=0.01) and 2 / few[1] == pytest.approx(0.0125, rel=0.01)
+    x = learner["load"]
+    for factor, condition in ((1.02, 26.3), (102, 1.157e5), (1 / 1.7**0.5, 24.1)):
+        low, high = bowl(factor * x)
+        assert high / low == pytest.approx(condition, rel=0.01)
+    roots = np.roots([1, 2 * np.sqrt(0.1), 0.1])  # task 5: s'' + δ s' + 0.1 s = 0, δ = 2 √0.1
+    assert roots.real == pytest.approx([-0.3162] * 2, abs=1e-3)
