@@ -111,3 +111,29 @@ def test_01_a_flood_before_the_decay():
     assert (wave.max(), t[wave.argmax()]) == pytest.approx((0.5926, 2 * np.log(1.5)), rel=1e-3)
     assert affine(system, system.values({"u1": 1.0, "u2": 0.0, "k": 3.0}))[0] == pytest.approx(np.array([[-0.5, 3], [0, -1.5]]))
     assert -A @ (1, 1) == pytest.approx([0.5, -2.5])
+
+
+@pytest.mark.skipif(2 not in NUMBERS, reason="not written")
+def test_02_what_an_unstable_node_does_to_errors():
+    book = load(assignment(1, 2).path)
+    system = book["system"]
+    A, b = affine(system)
+    assert A == pytest.approx(np.array([[0.925, 0.225], [0.175, 0.475]])) and equilibrium(A, b) == pytest.approx([2, 2])
+    assert A == pytest.approx(np.array([[1.1 - 0.175, 0.225], [0.175, 0.7 - 0.225]]))  # growth and exchange of the story
+    for start, sign in (((2.1, 2.0), 1), ((1.98, 1.98), -1), ((2 - 0.3, 2 + 0.71), 1), ((2 - 0.3, 2 + 0.69), -1)):  # either side of the slow line
+        assert np.sign(exact(A, b, start, [15.0])[0] - 2) == pytest.approx(sign)
+    relative = []
+    for tolerance in (1e-4, 1e-7, 1e-10):
+        run = simulate(system, 12.0, method="RK45", rtol=tolerance, atol=tolerance / 100)
+        far = np.hypot(run["s1"] - 2, run["s2"] - 2)
+        relative.append(true_error(run)[-1] / far[-1] / tolerance)
+    assert max(relative) < 30
+    run = simulate(system, 70.0, start={"s1": 1.7, "s2": 2.7}, method="RK45", rtol=1e-4, atol=1e-6)
+    z = np.abs(book["S_inverse"] @ np.array([run["s1"] - 2, run["s2"] - 2]))
+    lost = run.t[np.argmax(z[0] > z[1])]
+    assert 50 < lost < 70  # by rounding alone: a Runge–Kutta step is a polynomial of A
+    coarse = simulate(system, 5.0, method="RK45", rtol=1e-2, atol=1e-4)
+    assert true_error(coarse)[-1] / np.hypot(coarse["s1"][-1] - 2, coarse["s2"][-1] - 2) == pytest.approx(0.027, abs=0.003)
+    less = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98}, b1=-2.07, b2=-1.17)
+    assert less["s1"][-1] > 4 and less["s2"][-1] > 4
+    assert np.linalg.det(book["flat"].S) == pytest.approx(-2)
