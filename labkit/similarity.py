@@ -146,7 +146,7 @@ def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, a
     values = ", ".join(f"{value:.4g}" for value in sorted(np.linalg.eigvals(A), key=lambda value: (-value.real, -value.imag)))
     remarks = [(made == kind, f"type: {made} (eigenvalues {values})" + ("" if made == kind else f", but the task asks for: {kind}"))]
     try:
-        rest = equilibrium(A, b)
+        rest = equilibrium(A, b) + 0.0  # no -0
         there = at is None or bool(np.allclose(rest, finite(at, (2,), "at"), rtol=1e-6, atol=1e-6))
         wanted = "" if there else " and not at ({:g}, {:g}): b must be −A s*".format(*at)  # type: ignore[misc]
         remarks.append((there, f"equilibrium at ({rest[0]:.4g}, {rest[1]:.4g}){wanted}"))
