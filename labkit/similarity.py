@@ -39,12 +39,12 @@ def canonical(kind: str, *numbers: float) -> np.ndarray:
     count, need = _NEEDS[base]
     need = need.format(sign="positive" if un else "negative")
     if len(numbers) != count:
-        raise ModelError(f"a {kind} takes {count} number{'s' * (count > 1)} ({need}), not {len(numbers)}")
+        raise ModelError(f"{_a(kind)} takes {count} number{'s' * (count > 1)} ({need}), not {len(numbers)}")
     x, y = (number(value, f"a number of the {kind}") for value in (numbers if count == 2 else numbers * 2))
     special = {"improper node": [[x, 0], [1, x]], "spiral point": [[x, y], [-y, x]], "centre": [[0, x], [-x, 0]]}
     Lambda = np.array(special.get(base, [[x, 0], [0, y]]), dtype=float)
     if (made := classify(Lambda)) != kind:
-        raise ModelError(f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; a {kind} needs {need}")
+        raise ModelError(f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; {_a(kind)} needs {need}")
     return Lambda
 
 
@@ -54,6 +54,10 @@ def _kind(kind: str) -> str:
     if name not in known:
         raise ModelError(f"there is no type {kind!r}; there are {listed(known)}")
     return name
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
 class Similarity(NamedTuple):
@@ -142,7 +146,7 @@ def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, a
     values = ", ".join(f"{value:.4g}" for value in sorted(np.linalg.eigvals(A), key=lambda value: (-value.real, -value.imag)))
     remarks = [(made == kind, f"type: {made} (eigenvalues {values})" + ("" if made == kind else f", but the task asks for: {kind}"))]
     try:
-        rest = equilibrium(A, b)
+        rest = equilibrium(A, b) + 0.0  # no -0
         there = at is None or bool(np.allclose(rest, finite(at, (2,), "at"), rtol=1e-6, atol=1e-6))
         wanted = "" if there else " and not at ({:g}, {:g}): b must be −A s*".format(*at)  # type: ignore[misc]
         remarks.append((there, f"equilibrium at ({rest[0]:.4g}, {rest[1]:.4g}){wanted}"))

@@ -111,3 +111,70 @@ def test_01_a_flood_before_the_decay():
     assert (wave.max(), t[wave.argmax()]) == pytest.approx((0.5926, 2 * np.log(1.5)), rel=1e-3)
     assert affine(system, system.values({"u1": 1.0, "u2": 0.0, "k": 3.0}))[0] == pytest.approx(np.array([[-0.5, 3], [0, -1.5]]))
     assert -A @ (1, 1) == pytest.approx([0.5, -2.5])
+
+
+@pytest.mark.skipif(2 not in NUMBERS, reason="not written")
+def test_02_what_an_unstable_node_does_to_errors():
+    book = load(assignment(1, 2).path)
+    system = book["system"]
+    A, b = affine(system)
+    assert A == pytest.approx(np.array([[0.925, 0.225], [0.175, 0.475]])) and equilibrium(A, b) == pytest.approx([2, 2])
+    assert A == pytest.approx(np.array([[1.1 - 0.175, 0.225], [0.175, 0.7 - 0.225]]))  # growth and exchange of the story
+    for start, sign in (((2.1, 2.0), 1), ((1.98, 1.98), -1), ((2 - 0.3, 2 + 0.71), 1), ((2 - 0.3, 2 + 0.69), -1)):  # either side of the slow line
+        assert np.sign(exact(A, b, start, [15.0])[0] - 2) == pytest.approx(sign)
+    relative = []
+    for tolerance in (1e-4, 1e-7, 1e-10):
+        run = simulate(system, 12.0, method="RK45", rtol=tolerance, atol=tolerance / 100)
+        far = np.hypot(run["s1"] - 2, run["s2"] - 2)
+        relative.append(true_error(run)[-1] / far[-1] / tolerance)
+    assert max(relative) < 30
+    run = simulate(system, 70.0, start={"s1": 1.7, "s2": 2.7}, method="RK45", rtol=1e-4, atol=1e-6)
+    z = np.abs(book["S_inverse"] @ np.array([run["s1"] - 2, run["s2"] - 2]))
+    lost = run.t[np.argmax(z[0] > z[1])]
+    assert 50 < lost < 70  # by rounding alone: a Runge–Kutta step is a polynomial of A
+    coarse = simulate(system, 5.0, method="RK45", rtol=1e-2, atol=1e-4)
+    assert true_error(coarse)[-1] / np.hypot(coarse["s1"][-1] - 2, coarse["s2"][-1] - 2) == pytest.approx(0.027, abs=0.003)
+    less = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98}, b1=-2.07, b2=-1.17)
+    assert less["s1"][-1] > 4 and less["s2"][-1] > 4
+    assert np.linalg.det(book["flat"].S) == pytest.approx(-2)
+
+
+@pytest.mark.skipif(3 not in NUMBERS, reason="not written")
+def test_03_no_mirror_changes_a_star_and_no_measurement_finds_one():
+    book = load(assignment(1, 3).path)
+    system = book["system"]
+    assert [str(book["simplify"](rate)) for rate in book["traced"].values()] == ["a*s1 + b1", "a*s2 + b2"]
+    for u2 in np.linspace(-3, 3, 13):
+        assert affine(system, system.values({"u2": u2}))[0] == pytest.approx(-0.8 * np.eye(2), abs=2e-15)
+    for start in ((-1.5, 2.0), (3.0, 1.0), (0.0, -2.0)):  # all runs are scaled copies: 10 % is left after ln 10/0.8
+        run = simulate(system, np.log(10) / 0.8, start=dict(zip(("s1", "s2"), start, strict=True)), rtol=1e-10, atol=1e-12)
+        assert np.array([run["s1"][-1] - 1, run["s2"][-1] - 0.5]) == pytest.approx(0.1 * np.subtract(start, (1, 0.5)), rel=1e-8)
+        for method in ("Euler", "RK4", "RK45", "DOP853"):  # a Runge–Kutta step is a number times the deviation
+            run = simulate(system, 4.0, start=dict(zip(("s1", "s2"), start, strict=True)), method=method, **({"step": 0.5} if method in ("Euler", "RK4") else {"rtol": 1e-3}))
+            y0, y1 = np.subtract(start, (1, 0.5)), np.array([run["s1"][-1] - 1, run["s2"][-1] - 0.5])
+            assert abs(y0[0] * y1[1] - y0[1] * y1[0]) < 1e-13 * np.hypot(*y0)
+    rng = np.random.default_rng(5)
+    kinds = [classify(-0.8 * np.eye(2) + 1e-6 * rng.normal(size=(2, 2)), 0) for _ in range(20_000)]
+    assert kinds.count("stable node") / 20_000 == pytest.approx(0.5**0.5, abs=0.012) and kinds.count("stable star") == 0
+    final = simulate(system, 1.25, method="Euler", step=1.25).final
+    assert (final["s1"], final["s2"]) == pytest.approx((1.0, 0.5), abs=1e-14)
+    assert np.log(1 / np.tan(np.radians(40))) / 0.1 == pytest.approx(1.75, abs=0.005)  # task 4
+
+
+@pytest.mark.skipif(4 not in NUMBERS, reason="not written")
+def test_04_every_galaxy_is_the_centre():
+    book = load(assignment(1, 4).path)
+    system = book["system"]
+    for phi in np.linspace(-3.2, 3.2, 9):
+        assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(0.07 * np.eye(2), abs=1e-16)
+    assert np.ptp(book["ratio"]) < 1e-6 and book["ratio"][0] == pytest.approx(np.exp(2.1), rel=1e-6)
+    centre, other = ({"s1": 0.6, "s2": 0.3}, {"s1": -0.2, "s2": 0.9})
+    a, b = (simulate(system, 30.0, start=s, rtol=1e-11, atol=1e-13) for s in (centre, other))
+    seen = simulate(system, 30.0, start={"s1": -0.8, "s2": 0.6}, b1=0.0, b2=0.0, rtol=1e-11, atol=1e-13)
+    for name in ("s1", "s2"):
+        assert b[name] - a[name] == pytest.approx(seen[name], abs=1e-8)
+    for method, factor in (("Euler", 1.07), ("Heun", 1.07 + 0.07**2 / 2), ("RK4", sum(0.07**k / f for k, f in enumerate((1, 1, 2, 6, 24))))):
+        run = simulate(system, 30.0, method=method, step=1.0)
+        assert (run["s1"][-1] - 0.5) / 0.4 == pytest.approx(factor**30, rel=1e-12)
+    z = 0.07 * 3.9
+    assert 1 - np.log(1 + z + z * z / 2) / z == pytest.approx(0.01, abs=2e-4)  # task 3

@@ -52,9 +52,10 @@ class Planes(View):
         self.artists = [artist for side in self._sides for artist in side.artists]
         self._center: np.ndarray | None = None
         first, second = self.system.states
-        turns = not eigenlines(self.parts(run.p)[0])
+        Lambda = self.parts(run.p)[0]
+        single = eigenlines(Lambda) and not _star(Lambda)
         with style():
-            head(self.axes[0], "z-plane: canonical", [] if turns else [(self._sides[0].eigen, "eigenvectors")])
+            head(self.axes[0], "z-plane: canonical", [(self._sides[0].eigen, "eigenvectors")] if single else [])
             head(self.axes[1], "s-plane: through S", [(self._sides[1].run, "simulated")])
             self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
             self.axes[1].set(xlabel=symbol(first), ylabel=symbol(second))
@@ -107,11 +108,15 @@ class _Side:
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
         self.arrows.set_data(*(_heads(at, way, 0.05 * reach) + origin).T)
-        lines = [] if borders(Lambda)["star"] < 1e-9 else [v for _, v in eigenlines(Lambda)]  # every line is one of a star
+        lines = [] if _star(Lambda) else [v for _, v in eigenlines(Lambda)]
         show(self.eigen, np.concatenate([np.outer((-1e3, 1e3, np.nan), v) for v in lines]) if lines else np.zeros((0, 2)))
         self.run.set_data(*path.T)
         self.start.set_data(*path[:1].T)
         self.rest.set_data(*origin[:, None])
+
+
+def _star(Lambda: np.ndarray) -> bool:
+    return borders(Lambda)["star"] < 1e-9  # every direction is an eigenvector
 
 
 def _lattice() -> np.ndarray:
