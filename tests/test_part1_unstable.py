@@ -122,3 +122,60 @@ def test_11_answers_to_the_tasks(learner):
         assert high / low == pytest.approx(condition, rel=0.01)
     roots = np.roots([1, 2 * np.sqrt(0.1), 0.1])  # task 5: s'' + δ s' + 0.1 s = 0, δ = 2 √0.1
     assert roots.real == pytest.approx([-0.3162] * 2, abs=1e-3)
+
+
+# ---- 10: unstable spiral by matrix B
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    return load("part1/10_unstable_spiral_matrix_b")
+
+
+def test_10_the_design_is_the_circuit(oscillator):
+    A, b = affine(oscillator["system"])
+    assert A == pytest.approx(np.array([[-0.4 / 1.0, 1 / 1.0], [-1 / 0.8, 0.48 / 0.8]])) and b == pytest.approx([0, 0.808 / 0.8])
+    assert A == pytest.approx(affine(oscillator["circuit"])[0]) and np.linalg.eigvals(A).real == pytest.approx([0.1, 0.1])
+    for g, kind in ((0.319, "stable spiral point"), (0.32, "centre"), (0.321, "unstable spiral point")):
+        assert classify(affine(oscillator["circuit"], oscillator["circuit"].values({"g": g}))[0]) == kind
+
+
+def test_10_growth_and_frequency_are_those_of_a_neighbouring_system(oscillator):
+    for name, h, growth, theory, frequency, turning in oscillator["rows"]:
+        assert float(growth) == pytest.approx(float(theory), abs=2e-8) and float(frequency) == pytest.approx(float(turning), abs=2e-8)
+    assert oscillator["rate"] == pytest.approx(0.1, abs=1e-7) and oscillator["frequency"] == pytest.approx(1, abs=1e-7)
+    h, lam = 0.1, 0.1 + 1j  # Euler by hand: |1 + hλ|
+    assert float(oscillator["rows"][0][2]) == pytest.approx(np.log((1 + h * 0.1) ** 2 + h * h) / (2 * h), abs=1e-8)
+    assert abs(np.log(1 + h * lam) / h - (lam - h * lam**2 / 2)) < 0.4 * h**2
+
+
+def test_10_ghosts(oscillator):
+    """Euler starts an oscillator that cannot start, implicit Euler stops one that does: in runs, not only in formulas."""
+    circuit = oscillator["circuit"]
+    euler = simulate(circuit, 100.0, g=0.30, method="Euler", step=0.1)
+    truth = simulate(circuit, 100.0, g=0.30)
+    assert np.abs(euler["v"][-100:]).max() > 20 * np.abs(euler["v"][:100]).max() and np.abs(truth["v"][-100:]).max() < np.abs(truth["v"][:100]).max()
+    A, _ = affine(circuit, circuit.values({"g": 0.36}))
+    y, step = np.array([0.05, 0.0]), np.linalg.inv(np.eye(2) - 0.1 * A)
+    for _ in range(1000):
+        y = step @ y
+    assert np.hypot(*y) < 0.01 and oscillator["alpha_of"](0.36) == pytest.approx(0.025)
+    limit = 2 * 0.0125 / 1.1  # task 2
+    for factor, grows in ((0.97, False), (1.03, True)):
+        run = simulate(circuit, 4000.0, g=0.30, method="Euler", step=factor * limit, points=20_001)
+        assert (np.abs(run["v"][-500:]).max() > np.abs(run["v"][:500]).max()) == grows
+
+
+def test_10_a_stretch_below_minus_one_turns_the_sense(oscillator):
+    system = oscillator["system"]
+    one, other = (affine(system, system.values(values))[0] for values in ({}, {"d": -1.8, "k": 0.4}))
+    assert one[1, 0] < 0 < other[1, 0] and other == pytest.approx(np.array([[-0.4, -1], [1.25, 0.6]]))
+    assert np.trace(one) == pytest.approx(np.trace(other)) and np.linalg.det(one) == pytest.approx(np.linalg.det(other))
+
+
+def test_10_answers_to_the_tasks(oscillator):
+    M = np.array([[-0.4, 1.0], [-1.25, 0.336 / 0.8]])
+    lam = np.linalg.eigvals(M)[0]
+    assert (lam.real, abs(lam.imag)) == pytest.approx((0.01, 1.040), abs=5e-4)
+    assert np.log(1e6) / lam.real * abs(lam.imag) / (2 * np.pi) == pytest.approx(229, abs=0.6)
+    assert np.trace(np.array([[-0.4, 1.0], [-1 / 1.2, 0.48 / 1.2]])) == pytest.approx(0)

@@ -71,3 +71,15 @@ def test_parts_that_do_not_make_the_model_are_refused():
     Lambda, S = CASES["node"]
     with pytest.raises(ModelError, match="is not the matrix of 'linear'"):
         planes(run_of(Lambda, S), lambda p: (Lambda, S.__class__(S.inverse, S.S)))
+
+
+def test_slow_spirals_join_at_the_end_of_a_turn():
+    """Each curve is one turn; its end is the beginning of the next but some, so that no seam shows."""
+    from labkit.draw.planes import _flow
+
+    Lambda = canonical("unstable spiral point", 0.1, 1)
+    curves, starts = _flow(Lambda, 2.0)
+    pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
+    begin, end = np.hypot(*pieces[:, 0].T), np.hypot(*pieces[:, -1].T)
+    inner = end[end < begin.max() * 0.999]
+    assert len(inner) >= 5 and max(np.abs(begin / r - 1).min() for r in inner) < 1e-9

@@ -131,8 +131,10 @@ def _flow(Lambda: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     a, square = np.trace(Lambda) / 2, (Lambda[0, 0] - Lambda[1, 1]) ** 2 / 4 + Lambda[0, 1] * Lambda[1, 0]
     turns = np.sqrt(max(-square, 0.0))  # rad/s
     spin = turns > 0 and abs(a) < turns / 8
-    if spin:
-        starts = reach * np.column_stack([np.linspace(0.15, 1.35, 9), np.zeros(9)])
+    if spin:  # one turn each; where a turn changes the radius visibly, the end of one curve is the beginning of another
+        turn = 2 * np.pi * abs(a) / turns
+        radii = 1.35 * np.exp(-np.arange(0, 2.5, turn / max(1, round(turn / 0.25)))) if turn > 0.1 else np.linspace(0.15, 1.35, 9)
+        starts = reach * np.column_stack([radii, np.zeros(len(radii))])
     else:
         count = 8 if turns else 16
         angle = (np.arange(count) + 0.5) * 2 * np.pi / count
