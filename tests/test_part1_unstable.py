@@ -179,3 +179,64 @@ def test_10_answers_to_the_tasks(oscillator):
     assert (lam.real, abs(lam.imag)) == pytest.approx((0.01, 1.040), abs=5e-4)
     assert np.log(1e6) / lam.real * abs(lam.imag) / (2 * np.pi) == pytest.approx(229, abs=0.6)
     assert np.trace(np.array([[-0.4, 1.0], [-1 / 1.2, 0.48 / 1.2]])) == pytest.approx(0)
+
+
+# ---- 9: stable spiral by matrix A
+
+
+@pytest.fixture(scope="module")
+def patient():
+    return load("part1/09_stable_spiral_matrix_a")
+
+
+def test_09_the_curve_after_a_drink(patient):
+    A, b = affine(patient["system"])
+    assert A == pytest.approx(np.array([[-1.5, 2.0], [-2.125, -0.5]])) and b == pytest.approx([-8.5, 4.625])
+    fine = patient["fine"]
+    s1 = 1 + 5 * np.exp(-fine.t) * np.sin(2 * fine.t)
+    s2 = 5 + 5 * np.exp(-fine.t) * (np.cos(2 * fine.t) + 0.25 * np.sin(2 * fine.t))
+    assert fine["s1"] == pytest.approx(s1, abs=1e-8) and fine["s2"] == pytest.approx(s2, abs=1e-8)
+    assert patient["t_sugar"][0] == pytest.approx((np.pi - np.arctan(2 / 9)) / 2, abs=1e-5) and patient["sugar"][0] == pytest.approx(s2.min(), abs=1e-5)
+
+
+@pytest.mark.parametrize("k", [-1.0, 0.0, 0.25, 2.0])
+def test_09_period_and_decrement_are_the_eigenvalues_and_the_lag_is_the_shear(patient, k):
+    fine = simulate(patient["system"], 6.0, k=k, points=6001, rtol=1e-10, atol=1e-12)
+    (t1, y1), (t2, y2) = (patient["extremes"](fine.t, fine[name]) for name in ("s1", "s2"))
+    for t, y in ((t1, y1 - 1), (t2, y2 - 5)):
+        assert np.diff(t)[:2] == pytest.approx(np.pi / 2, abs=1e-4) and (y[1:] / y[:-1])[:2] == pytest.approx(-np.exp(-np.pi / 2), abs=1e-4)
+    lag = (t1[0] - t2[0]) % (np.pi / 2)
+    assert lag == pytest.approx((np.angle(k + 1j) / 2) % (np.pi / 2), abs=1e-4)
+
+
+def test_09_the_matrix_from_samples_and_the_wrong_one_from_rare_samples(patient):
+    A, identify, samples = patient["A"], patient["identify"], patient["samples"]
+    found, rest = identify(samples(0.5, 8), 0.5)
+    assert found == pytest.approx(A, abs=1e-9) and rest == pytest.approx([1, 5])
+    wrong, rest = identify(samples(2.0, 10), 2.0)
+    assert np.linalg.eigvals(wrong).imag.max() == pytest.approx(np.pi - 2, abs=1e-6) and wrong[0, 1] < 0 < A[0, 1]
+    assert expm(2.0 * wrong) == pytest.approx(expm(2.0 * A), abs=1e-9)  # two systems, the same samples
+    assert 2 * np.pi / np.sqrt(np.linalg.det(wrong)) > 4 > 2 * np.pi / np.sqrt(np.linalg.det(A))
+    for h, right in ((1.5, True), (1.65, False)):
+        value = np.linalg.eigvals(identify(samples(h, 10), h)[0]).imag.max()
+        assert (abs(value - 2) < 1e-5) == right
+
+
+def test_09_euler_makes_a_healthy_patient_ill(patient):
+    for h, stable in ((0.39, True), (0.41, False)):
+        run = simulate(patient["system"], 200 * h, method="Euler", step=h, points=2)
+        z = patient["S_inverse"] @ (np.array(list(run.final.values())) - (1, 5))
+        assert (np.hypot(*z) < 5) == stable and np.hypot(*z) == pytest.approx(5 * abs(1 + h * (-1 + 2j)) ** 200, rel=1e-6)
+
+
+def test_09_answers_to_the_tasks(patient):
+    system = patient["system"]
+    assert affine(system, system.values({"k": 0.5}))[0][1, 1] == pytest.approx(0)
+    ill = simulate(system, 8.0, alpha=-0.5, beta=1.2, points=8001)
+    assert ill["s2"].min() == pytest.approx(3.632, abs=1e-3) and ill.t[ill["s2"].argmin()] == pytest.approx(2.493, abs=2e-3)
+    for k, grows in ((0.485, False), (0.487, True)):
+        M = affine(system, system.values({"k": k}))[0]
+        assert bool(np.linalg.eigvalsh(M + M.T)[-1] > 0) == grows
+    h, alpha, beta = 0.4, -1.0, 2.0  # task 5, on the sugar alone
+    g = patient["samples"](h, 6)[:, 1] - 5
+    assert g[2:] == pytest.approx(2 * np.exp(alpha * h) * np.cos(beta * h) * g[1:-1] - np.exp(2 * alpha * h) * g[:-2], abs=1e-12)
