@@ -19,7 +19,7 @@ _HOMES = {
     "solve": "METHODS simulate simulate_many",
     "run": "Event Run Runs Work load_npz",
     "draw": "COLORS Sketch View figure mode_colors phase_portrait planes time_plot",
-    "linear": "affine borders classify eigenlines equilibrium error_table exact true_error",
+    "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact true_error",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "panel": "explore",
     "course": "assignment catalogue choose project",

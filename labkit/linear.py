@@ -21,7 +21,7 @@ from .model import ModelError, System, listed
 from .run import Run
 from .show import Table
 
-__all__ = ["affine", "borders", "classify", "eigenlines", "equilibrium", "error_table", "exact", "true_error"]
+__all__ = ["affine", "borders", "classify", "eigenlines", "eigenvalues", "equilibrium", "error_table", "exact", "true_error"]
 
 E = np.eye(2)
 
@@ -95,6 +95,13 @@ def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
     if gap > 0:
         return f"{stability} node"
     return "centre" if near["tr A = 0"] else f"{stability} spiral point"
+
+
+def eigenvalues(A: ArrayLike) -> tuple[complex, complex]:
+    """eigenvalues(A) -> (λ1, λ2), larger real part first; equal ones come out equal, which NumPy's eigvals cannot promise."""
+    size, a, q, r, gap = _split(A)
+    root = np.sqrt(complex(gap * (r + abs(q))))
+    return size * (a + root), size * (a - root)
 
 
 def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.ndarray]]:

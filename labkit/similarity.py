@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .linear import E, borders, classify, equilibrium, finite
+from .linear import E, borders, classify, eigenvalues, equilibrium, finite
 from .model import ModelError, listed, number
 
 __all__ = ["Review", "Similarity", "canonical", "check_design", "design", "matrix_a", "matrix_b", "reflection", "rotation"]
@@ -143,7 +143,7 @@ def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, a
     if by not in ("matrix A", "matrix B", "reflection", "rotation"):
         raise ModelError(f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', 'reflection', 'rotation'")
     made = classify(A, tolerance)
-    values = ", ".join(f"{value:.4g}" for value in sorted(np.linalg.eigvals(A), key=lambda value: (-value.real, -value.imag)))
+    values = ", ".join(f"{value:.4g}" if value.imag else f"{value.real:.4g}" for value in eigenvalues(A))
     remarks = [(made == kind, f"type: {made} (eigenvalues {values})" + ("" if made == kind else f", but the task asks for: {kind}"))]
     try:
         rest = equilibrium(A, b) + 0.0  # no -0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from labkit import Mode, ModelError, Parameter, System, simulate
-from labkit.linear import affine, borders, classify, eigenlines, equilibrium, error_table, exact, true_error
+from labkit.linear import affine, borders, classify, eigenlines, eigenvalues, equilibrium, error_table, exact, true_error
 from labkit.similarity import canonical, check_design, design, matrix_a, matrix_b, reflection, rotation
 
 KINDS = {
@@ -175,6 +175,18 @@ def test_eigenlines(case, similarity):
         assert np.hypot(*v) == pytest.approx(1) and A @ v == pytest.approx(value * v, abs=1e-6 if "improper" in kind else 1e-9)
     if len(lines) == 2:
         assert lines[0][0] >= lines[1][0] and sorted(value for value, _ in lines) == pytest.approx(sorted(np.diag(Lambda)), rel=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(canonicals(), similarities())
+def test_eigenvalues(case, similarity):
+    kind, Lambda = case
+    S, inverse = similarity[1]
+    assume(np.linalg.cond(S) < 100)
+    found, right = eigenvalues(S @ Lambda @ inverse), np.linalg.eigvals(Lambda)
+    assert found[0].real >= found[1].real and sum(found) == pytest.approx(np.trace(Lambda), abs=1e-9)
+    assert abs(found[0] - found[1]) == pytest.approx(abs(right[0] - right[1]), abs=1e-5 if "improper" in kind or "star" in kind else 1e-7)
+    assert len(set(eigenvalues([[-1.5, 0], [1, -1.5]]))) == 1 and eigenvalues([[0, 2], [-2, 0]]) == (2j, -2j)
 
 
 def test_eigenlines_near_a_border_do_not_cancel():

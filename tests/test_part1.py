@@ -178,3 +178,48 @@ def test_04_every_galaxy_is_the_centre():
         assert (run["s1"][-1] - 0.5) / 0.4 == pytest.approx(factor**30, rel=1e-12)
     z = 0.07 * 3.9
     assert 1 - np.log(1 + z + z * z / 2) / z == pytest.approx(0.01, abs=2e-4)  # task 3
+
+
+@pytest.mark.skipif(5 not in NUMBERS, reason="not written")
+def test_05_one_direction_and_a_factor_t():
+    book = load(assignment(1, 5).path)
+    system, t = book["system"], np.linspace(0, 8, 8001)
+    A, b = affine(system)
+    assert A.tolist() == [[-4, -4], [1, 0]] and equilibrium(A, b) == pytest.approx([0, 0.25])
+    decay = np.exp(-2 * t)
+    assert exact(A, (0, 0), (0, 1), t) == pytest.approx(np.column_stack([-4 * t * decay, (1 + 2 * t) * decay]), abs=1e-14)
+    assert exact(A, (0, 0), (1, 0), t)[:, 1] == pytest.approx(t * decay, abs=1e-14)
+    assert exact(A, (0, 0), (-3, 1), [1.0])[0, 1] == pytest.approx(0, abs=1e-14)  # task 2
+    assert np.abs(exact(A, (0, 0), (0, 1), t)[:, 0]).max() == pytest.approx(2 / np.e, rel=1e-6)  # task 3
+    for M, settled in (([[-3.2, -4], [1, 0]], 1.88), (A, 2.92)):  # task 4: under critical is sooner
+        y = np.abs(exact(M, (0, 0), (0, 1), t)[:, 1])
+        assert t[y > 0.02].max() == pytest.approx(settled, abs=0.005)
+    for epsilon in (1e-4, 1e-8):  # eigenvalues move by the root, the motion by no more than the cause
+        M = A * np.array([[1, 1 + epsilon], [1, 1]])
+        assert np.abs(np.linalg.eigvals(M) + 2).max() == pytest.approx(2 * epsilon**0.5, rel=1e-2)
+        assert np.abs(exact(M, (0, 0), (0, 1), t) - exact(A, (0, 0), (0, 1), t)).max() < epsilon
+    for h, grows in ((0.95, False), (1.0, True)):
+        run = simulate(system, 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201))
+        assert bool(np.hypot(run["s1"], run["s2"] - 0.25)[-1] > 100) is grows
+
+
+@pytest.mark.skipif(6 not in NUMBERS, reason="not written")
+def test_06_growth_that_feeds_growth():
+    book = load(assignment(1, 6).path)
+    system = book["system"]
+    A, b = affine(system)
+    assert A == pytest.approx(np.array([[0.5, 0], [0.5, 0.5]]), abs=1e-15) and equilibrium(A, b) == pytest.approx([2, 1])
+    assert -A @ (3, 3) == pytest.approx([-1.5, -3])  # task 1
+    run = simulate(system, 6.0, rtol=1e-10, atol=1e-12)
+    assert (run["s2"] - 1) / (run["s1"] - 2) == pytest.approx(0.5 * run.t, abs=1e-8)
+    S = np.array([[0.5, 0.5], [1, 0]])  # task 3
+    assert S @ np.array([[0.5, 0], [1, 0.5]]) @ np.linalg.inv(S) == pytest.approx(np.array([[0.5, 0.5], [0, 0.5]]))
+    assert check_design([[0.5, 0.5], [0, 0.5]], (1, 1), S, "unstable improper node", "matrix B").passed
+    long = simulate(system, 20.0, method="RK45", rtol=1e-4, atol=1e-6)
+    assert (true_error(long) / np.hypot(long["s1"] - 2, long["s2"] - 1)).max() < 1e-3  # task 4
+    for h in (1.0, 0.25):
+        end = simulate(system, 6.0, method="Euler", step=h).final
+        y1, y2 = end["s1"] - 2, end["s2"] - 1
+        assert (np.log(y1 / 0.1) / 6, y2 / y1 / 6) == pytest.approx((np.log(1 + h / 2) / h, 0.5 / (1 + h / 2)), rel=1e-10)
+    mother = simulate(system, 12.0, start={"s1": 1.99, "s2": 2.0})
+    assert np.interp(0, -mother["s1"], mother.t) == pytest.approx(2 * np.log(200), rel=1e-4)
