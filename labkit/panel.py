@@ -305,7 +305,7 @@ def _controls(system: System, p: Mapping[str, float], begin: Mapping[str, float]
     for control in controls:
         name = control.key.rpartition(".")[2]
         step = None
-        if name in ranges and ranges[name] is not True:
+        if not isinstance(ranges.get(name, True), bool):
             try:
                 control.low, control.high, *step = (number(limit, f"slider of {name!r}") for limit in ranges[name])
             except TypeError:

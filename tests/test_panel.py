@@ -91,6 +91,7 @@ def test_which_sliders_and_ranges():
     assert list(keys(sliders=["delta"], method=False)) == ["p.delta"]
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
+    assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}
     (control,) = explore(oscillator(), 10.0, curves, sliders={"delta": (0, 1, 0.25)}, start=False, method=False, omega0=3.0).controls[1:]
     assert control.step == 0.25
 
