@@ -1,7 +1,8 @@
 // The browser's half of a panel: sliders, and the pixels that the kernel sends. See panel.py for the other half.
 //
-// to the kernel    {kind: "ready" | "set" | "export", view, seq, values, sharp, ratio, what}
-// from the kernel  {kind: "picture", view, seq, mime, verdict, values} and one buffer, {kind: "error", text, trace}, {kind: "said", text}
+// to the kernel    {kind: "ready" | "set" | "export", view, seq, values, settled, ratio, what}
+// from the kernel  {kind: "picture", view, seq, verdict, values, size, order, ops} and two buffers (see draw/record.py), or a mime type and one buffer,
+//                  {kind: "error", text, trace}, {kind: "said", text}
 // One message at a time waits for its answer; meanwhile only the newest values are kept, so nothing lags behind a drag.
 
 function make(tag, className, text) {
@@ -45,10 +46,10 @@ function sliderRow(control, changed) {
     range.setAttribute("aria-valuetext", `${show(x)} ${control.unit}`);
     if (document.activeElement !== field) field.value = show(x);
   };
-  const move = (x, sharp) => {
-    if (x === current && !sharp) return;
+  const move = (x, settled) => {
+    if (x === current && !settled) return;
     put(x);
-    changed(control.key, x, sharp);
+    changed(control.key, x, settled);
   };
   range.addEventListener("input", () => move(value(range.valueAsNumber), false));
   range.addEventListener("change", () => move(current, true));
@@ -94,12 +95,79 @@ function name(control) {
   return node;
 }
 
+// ---- the picture: what Matplotlib drew, stroke by stroke
+function unpack(parts, buffers) {
+  const [floats, bytes] = buffers.map((view) => view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength));
+  const [points, pixels] = [new Float32Array(floats), new Uint8Array(bytes)];
+  let [p, b] = [0, 0];
+  const paths = ({ n, apart }) => {
+    const made = [new Path2D()];
+    let [last, down] = [made[0], false];
+    for (const end = p + 2 * n; p < end; p += 2) {
+      const x = points[p];
+      if (x === x) {
+        if (down) last.lineTo(x, points[p + 1]);
+        else last.moveTo(x, points[p + 1]);
+        down = true;
+      } else {
+        if (points[p + 1]) last.closePath();
+        else if (apart) made.push((last = new Path2D()));
+        down = false;
+      }
+    }
+    return made;
+  };
+  const bitmap = ([, , w, h], op) => {
+    const image = new ImageData(w, h);
+    if (op.rgba) image.data.set(pixels.subarray(b, (b += 4 * w * h)));
+    else {
+      const ink = parseInt(op.fill.slice(5, 7) + op.fill.slice(3, 5) + op.fill.slice(1, 3), 16);
+      const words = new Uint32Array(image.data.buffer);
+      for (let k = 0; k < w * h; k++) words[k] = ink | (pixels[b++] << 24);
+    }
+    const made = Object.assign(make("canvas"), { width: w, height: h });
+    made.getContext("2d").putImageData(image, 0, 0);
+    return made;
+  };
+  for (const op of Object.values(parts).flat()) {
+    if (op.image) op.bitmap = bitmap(op.image, op);
+    else op.paths = paths(op);
+    if (op.at) op.places = points.subarray(p, (p += 2 * op.at));
+  }
+}
+
+function draw(context, op, draft) {
+  context.save();
+  if (op.clip) {
+    context.beginPath();
+    context.rect(...op.clip);
+    context.clip();
+  }
+  if (op.bitmap) context.drawImage(op.bitmap, op.image[0], op.image[1]);
+  else {
+    const width = draft && !op.dash ? Math.min(op.width, Math.max(1, op.width - 0.5)) : op.width; // a line of one pixel is painted six times as fast
+    Object.assign(context, { fillStyle: op.fill, strokeStyle: op.stroke, lineWidth: width, lineCap: op.cap, lineJoin: width < 3 ? "miter" : op.join, miterLimit: 4 });
+    if (op.dash) [context.lineDashOffset] = op.dash;
+    if (op.dash) context.setLineDash(op.dash.slice(1));
+    const places = op.places || [0, 0];
+    for (let k = 0; k < places.length; k += 2) {
+      context.setTransform(1, 0, 0, 1, places[k], places[k + 1]);
+      for (const path of op.paths) {
+        if (op.fill) context.fill(path);
+        if (op.stroke) context.stroke(path);
+      }
+    }
+  }
+  context.restore();
+}
+
 function render({ model, el }) {
   const spec = model.get("spec");
   const me = Math.random().toString(36).slice(2);
   const values = Object.fromEntries(spec.controls.map((control) => [control.key, control.value]));
   const errands = []; // exports, one after the other
-  let [seq, painted, waiting, next, patience] = [0, 0, false, null, []];
+  let [seq, waiting, next, patience] = [0, false, null, []];
+  let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: its parts in drawing order, the first of them as pixels
 
   el.classList.add("labkit-panel");
   const canvas = make("canvas", "labkit-picture");
@@ -126,9 +194,9 @@ function render({ model, el }) {
     else next = message; // only the newest
     post();
   };
-  const changed = (key, value, sharp) => {
+  const changed = (key, value, settled) => {
     values[key] = value;
-    ask({ kind: "set", values, sharp });
+    ask({ kind: "set", values, settled });
     arrange();
   };
   const answered = async (message, buffers) => {
@@ -143,20 +211,45 @@ function render({ model, el }) {
     if (message.kind === "error" && mine) complain(message);
     if (message.kind !== "picture") return;
     if (!mine || !waiting) sync(message.values);
-    if (!(await paint(new Blob([buffers[0]], { type: message.mime }), mine ? message.seq : painted))) return;
+    if (message.mime) await bitmap(buffers[0], message);
+    else if (message.order || order) {
+      unpack(message.ops, buffers);
+      if (message.order) [order, parts, base] = [message.order, {}, null];
+      Object.assign(parts, message.ops);
+      newest = message;
+      frame ||= requestAnimationFrame(paint); // only the newest picture of each animation frame is painted
+    }
     verdict.classList.remove("labkit-error");
     verdict.textContent = message.verdict;
     verdict.style.minHeight = `${verdict.offsetHeight}px`; // a shorter sentence does not move the sliders
   };
-  const paint = async (blob, number) => {
-    const picture = await createImageBitmap(blob);
-    if (number < painted) return false; // decoding is asynchronous: a newer one was faster
-    painted = number;
-    if (canvas.width !== picture.width || canvas.height !== picture.height) [canvas.width, canvas.height] = [picture.width, picture.height];
-    canvas.getContext("2d").drawImage(picture, 0, 0);
-    canvas.dataset.seq = number;
-    picture.close();
-    return true;
+  const layer = (target, ids, [width, height], draft) => {
+    if (target.width !== width || target.height !== height) Object.assign(target, { width, height });
+    const context = target.getContext("2d", { alpha: false });
+    if (base) context.drawImage(base, 0, 0);
+    for (const id of ids) for (const op of parts[id]) draw(context, op, draft);
+    return context;
+  };
+  const paint = () => {
+    frame = 0;
+    if (!base) {
+      base = layer(make("canvas"), order.slice(0, 1), newest.size).canvas; // the still background, once
+      const begin = performance.now();
+      layer(make("canvas"), order.slice(1), newest.size).getImageData(0, 0, 1, 1); // waits until all is painted
+      slow = performance.now() - begin > 12;
+    }
+    layer(canvas, order.slice(1), newest.size, slow && newest.settled === false);
+    if (newest.view === me) canvas.dataset.seq = newest.seq;
+  };
+  const bitmap = async (bytes, message) => {
+    newest = message;
+    const picture = await createImageBitmap(new Blob([bytes], { type: message.mime }));
+    if (newest !== message) return; // decoding is asynchronous: a newer one was faster
+    const [width, height] = message.size;
+    order = null;
+    Object.assign(canvas, { width, height });
+    canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
+    canvas.dataset.seq = message.seq;
   };
   const complain = (message) => {
     verdict.classList.add("labkit-error");
@@ -203,7 +296,7 @@ function render({ model, el }) {
   };
   button("Reset", "all values back to those of the notebook", () => {
     sync(Object.fromEntries(spec.controls.map((control) => [control.key, control.value])));
-    ask({ kind: "set", values, sharp: true });
+    ask({ kind: "set", values, settled: true });
   });
   button("Save CSV", "the run on show as a table, beside the notebook", () => ask({ kind: "export", what: "csv" }));
   button("Save NPZ", "the run on show for NumPy, beside the notebook", () => ask({ kind: "export", what: "npz" }));
@@ -220,11 +313,12 @@ function render({ model, el }) {
 
   sync({});
   model.on("msg:custom", answered);
-  paint(new Blob([model.get("first")], { type: "image/png" }), 0);
+  bitmap(model.get("first"), { mime: "image/png", size: [canvas.width, canvas.height], seq: 0 });
   ask({ kind: "ready" });
   return () => {
     model.off("msg:custom", answered);
     window.removeEventListener("keydown", keys, true);
+    cancelAnimationFrame(frame);
   };
 }
 

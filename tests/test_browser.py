@@ -1,5 +1,7 @@
 """A real JupyterLab, started as `python -m labkit` starts it, in a headless browser: run, drag, keys, save, reopen."""
 
+import base64
+import io
 import json
 import os
 import secrets
@@ -9,7 +11,9 @@ import subprocess
 import time
 import urllib.request
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from labkit.__main__ import lab_command, lab_environment
 from labkit.notebooks import WIDGET, strip
@@ -20,7 +24,7 @@ FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-backgro
 SMALL = "small"  # a notebook of this file, beside the real ones
 CELLS = [
     """\
-from labkit import Mode, Parameter, System, explore, time_plot
+from labkit import Mode, Parameter, System, explore, simulate, time_plot
 
 def flow(t, s, p):
     return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
@@ -163,6 +167,15 @@ def changed(panel):
     }""")
 
 
+def shown(panel):
+    """What the canvas shows, as an array."""
+    return pixels(base64.b64decode(panel.locator("canvas").evaluate("canvas => canvas.toDataURL('image/png').split(',')[1]")))
+
+
+def pixels(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
 def drag(page, panel, part, slider=0):
     """Drags a slider with the mouse to a part of its way, in small steps; returns the last picture's number."""
     thumb = panel.locator(".labkit-range").nth(slider)
@@ -223,6 +236,15 @@ def test_the_panel(page, lab):
     (panel,) = panels(page)
     value, verdict = panel.locator(".labkit-value"), panel.locator(".labkit-verdict")
     height = panel.bounding_box()["height"]
+
+    # The canvas shows what Matplotlib saves.
+    names = {}
+    exec(CELLS[0], names)
+    figure = names["time_plot"](names["simulate"](names["system"], names["horizon"]), "x", height=3).figure
+    figure.set_dpi(96)
+    figure.canvas.print_png(file := io.BytesIO())
+    off = np.abs(shown(panel) - pixels(file.getvalue()))
+    assert off.mean() <= 0.7 and (off.max(axis=2) > 32).mean() <= 0.003
 
     # Dragging: more than one picture on the way, the last one of the last value, and nothing jumps.
     remember(panel)
