@@ -18,7 +18,7 @@ _HOMES = {
     "equations": "equations jacobian mode_diagram parameter_table",
     "solve": "METHODS simulate simulate_many",
     "run": "Event Run Runs Work load_npz",
-    "draw": "COLORS Sketch View figure mode_colors phase_portrait time_plot",
+    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait time_plot",
     "linear": "classify",
     "panel": "explore",
     "course": "assignment catalogue choose project",

@@ -208,15 +208,16 @@ class Scene:
         self.view, self.figure = view, view.figure
         self.artists: list[Artist] = []
         self.changed: set[Artist] = set()
-        self.ratio, self.still, self.placed = 0.0, False, True
+        self.ratio, self.zoom, self.still, self.placed = 0.0, 1.0, False, True
         self.figure.stale_callback = lambda figure, value: self.forget()
 
     def forget(self) -> None:
         self.still = False
 
     def picture(self, ratio: float = 1.0, settled: bool = True, everything: bool = False) -> tuple[dict[str, Any], list[bytes]]:
-        if ratio != self.ratio:
-            self.ratio, self.figure.dpi = ratio, CSS_DPI * ratio
+        if ratio * self.zoom != self.ratio:
+            self.ratio = ratio * self.zoom
+            self.figure.dpi = CSS_DPI * self.ratio
             self.recorder = Recorder(self.figure.canvas.get_renderer())
             self.forget()
         if self.artists != (artists := list(self.view.artists)):
