@@ -1,0 +1,1 @@
+"""Benchmarks of labkit against other solvers: python -m tests.benchmarks (not part of the tests)."""
