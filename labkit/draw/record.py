@@ -26,6 +26,7 @@ from matplotlib.artist import Artist
 from matplotlib.backend_bases import GraphicsContextBase, RendererBase
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Transform
 from PIL import Image
@@ -196,6 +197,14 @@ def _cut(pixels: np.ndarray, x: int, y: int) -> tuple[np.ndarray, int, int]:
     return pixels[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1].copy(), x + int(columns[0]), y + int(rows[0])
 
 
+def _fix_colors(artist: Artist) -> None:
+    """Lines look up a colour of the cycle, "C1", whenever they are drawn; entering the house style for each picture would take longer than drawing it."""
+    if isinstance(artist, Line2D):
+        for part in ("color", "markerfacecolor", "markeredgecolor"):
+            if isinstance(color := getattr(artist, f"get_{part}")(), str) and color[:1] == "C" and color[1:].isdigit():
+                getattr(artist, f"set_{part}")(to_hex(color))
+
+
 class Scene:
     """Scene(view): the figure of a view as messages for a canvas; of its moving artists only those that were changed are drawn again.
 
@@ -222,8 +231,10 @@ class Scene:
             self.forget()
         if self.artists != (artists := list(self.view.artists)):
             self.artists = artists
-            for artist in artists:
-                artist.stale_callback = lambda artist, value: self.changed.add(artist)  # and not the figure's business
+            with style():
+                for artist in artists:
+                    _fix_colors(artist)
+                    artist.stale_callback = lambda artist, value: self.changed.add(artist)  # and not the figure's business
             self.forget()
         message: dict[str, Any] = {"size": [int(self.recorder.width), int(self.recorder.height)]}
         parts: dict[str, tuple] = {}
@@ -232,11 +243,11 @@ class Scene:
             self._draw_still(settled)
         if again or everything:
             message["order"], parts, self.changed = self.order, dict(self.parts), set(artists)
-        with style():
-            for k, artist in enumerate(artists):
-                if artist in self.changed:
+        for k, artist in enumerate(artists):
+            if artist in self.changed:
+                if not isinstance(artist, Line2D) or len(artist.get_xdata(orig=True)):
                     artist.draw(self.recorder)
-                    parts[f"m{k}"] = self.recorder.take()
+                parts[f"m{k}"] = self.recorder.take()
         self.changed.clear()
         message["ops"] = {name: part[0] for name, part in parts.items()}
         points = [array for part in parts.values() for array in part[1]]
