@@ -145,7 +145,8 @@ class Panel(anywidget.AnyWidget):
         for name, value in handle.values(*self._data(handle.axes, message)).items():
             key = f"p.{name}" if name in self.run.system.parameters else f"start.{name}"
             if control := known.get(key):
-                found[key] = min(max(float(value), control.low), control.high)
+                value = float(f"{round(value / control.step) * control.step:.12g}") if control.kind == "slider" else float(value)  # a slider's round numbers
+                found[key] = min(max(value, control.low), control.high)
             elif name in self.run.system.parameters:
                 found[key] = float(value)
         self._show(self.values | found)

