@@ -1,6 +1,6 @@
 // The browser's half of a panel: sliders, hands and keys, and the pixels. See panel.py for the other half.
 //
-// to the kernel    {kind, view, seq, ratio, settled, …}: ready; set values; drag handle x y; limits axes limits; start axes x y; clear; cursor t, or axes x y;
+// to the kernel    {kind, view, seq, ratio, scale, settled, …}: ready; set values; drag handle x y; limits axes limits; start axes x y; clear; cursor t, or axes x y;
 //                  hold on; large on; export what. One at a time waits for its answer; of those that may wait only the newest is kept, so nothing lags behind.
 // from the kernel  {kind: "picture", view, seq, verdict, values, axes, grips, t, span, reading, begun, size, order, ops} and two buffers (draw/record.py),
 //                  or with a mime type and one buffer; {kind: "error", text, trace}; {kind: "said", text}
@@ -195,7 +195,7 @@ function render({ model, el }) {
     const [key, message] = queue.entries().next().value;
     queue.delete(key);
     flying = message;
-    model.send({ ...message, view: me, seq: ++seq, ratio: ratio() });
+    model.send({ ...message, view: me, seq: ++seq, ratio: ratio(), scale: (canvas.clientWidth || spec.width) / spec.width });
     if (message.kind === "cursor") return;
     patience = [[400, "the kernel is busy"], [8000, "no answer: the kernel is busy, or it was restarted; then run the cell again"]].map(([time, text]) =>
       setTimeout(() => (verdict.dataset.late = `  … ${text}`), time));

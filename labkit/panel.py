@@ -126,6 +126,7 @@ class Panel(anywidget.AnyWidget):
                 raise ModelError(f"a panel cannot {kind!r}")
             else:
                 getattr(self, f"_{kind}")(message)
+                self._resize(float(message.get("scale", 1.0)))
                 answer, buffers = self._picture(min(max(float(message.get("ratio", 1.0)), 0.3), 3.0), message.get("settled", True), kind == "ready")
         except ModelError as error:
             answer = {"kind": "error", "text": str(error)}
@@ -207,10 +208,15 @@ class Panel(anywidget.AnyWidget):
         self.overlay.hold(self.run if message["on"] else None)
 
     def _large(self, message: dict) -> None:
-        """For a classroom: type and lines 1.4 times as large in a picture of the same size, and limits that stay."""
-        self.scene.zoom = 1.4 if message["on"] else 1.0
-        self.figure.steady = message["on"]
-        self.figure.set_size_inches(*((1 + 1e-9) * side / self.scene.zoom for side in self.inches))
+        """For a classroom: large type and thick lines, and limits that stay."""
+        self.figure.steady = bool(message["on"])
+
+    def _resize(self, scale: float) -> None:
+        """Type and lines relative to the picture: 1.4 times as large in a classroom, larger too where the page shows the picture at a smaller `scale`."""
+        zoom = (1.4 if self.figure.steady else 1.0) * min(max(0.85 / max(scale, 0.01), 1.0), 1.6)
+        if abs(zoom - self.scene.zoom) > 0.01:
+            self.scene.zoom = zoom
+            self.figure.set_size_inches(*((1 + 1e-9) * side / zoom for side in self.inches))
 
     def _data(self, axes: Any, message: dict) -> tuple[float, float]:
         """Pixels of the picture that the page shows -> data coordinates."""

@@ -420,6 +420,9 @@ def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_
     assert letters()[0] == size and letters()[1] > 1.25 * small
     hands.tell(kind="large", on=False)
     assert letters() == (size, small)
+    narrow, _ = hands.tell(kind="ready", ratio=0.5, scale=0.5)  # a narrow page: half the size, but not half the letters
+    assert narrow["size"] == [side // 2 for side in size] and max(op["image"][3] for op in narrow["ops"]["s0"] if "image" in op) > 0.75 * small
+    assert letters() == (size, small)
     hands.picture(**{"start.x": 2.01})
     assert hands.panel.figure.axes[0].get_ylim() != limits
 
