@@ -18,7 +18,7 @@ _HOMES = {
     "equations": "equations jacobian mode_diagram parameter_table",
     "solve": "METHODS simulate simulate_many",
     "run": "Event Run Runs Touch Work load_npz",
-    "draw": "COLORS Sketch View figure mode_colors phase_portrait planes time_plot",
+    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact true_error",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "panel": "explore",
