@@ -1,6 +1,7 @@
 """What the engine promises about events, each line a test: nothing lost, nothing repeated, nothing endless."""
 
 import math
+import re
 
 import mpmath
 import numpy as np
@@ -90,6 +91,21 @@ def test_event_chain_at_one_instant_reaches_a_fixed_point():
     ring = [Transition(x, y, guard=lambda t, s, p: s.x - 1, direction=1, urgent=True, label="round") for x, y in (("a", "b"), ("b", "c"), ("c", "a"))]
     run = simulate(System("ring", {"x": ""}, {}, [Mode(n, flow) for n in "abc"], ring, {"x": 0.0}), 3.0)
     assert run.stopped.startswith("endless loop at t = 1: ") and '"round"' in run.stopped and run.t[-1] == pytest.approx(1)
+
+
+@pytest.mark.parametrize("backend", BOTH)
+def test_chattering_without_a_sliding_mode_is_named(backend):
+    """Three modes in a ring on one surface, each pushing back: no two of them make a Filippov pair, so the run ends and names the guard."""
+    down, up = (lambda t, s, p: (-1.0,)), (lambda t, s, p: (1.0,))
+    system = System(
+        "ring", {"x": ""}, {}, [Mode("a", down), Mode("b", up), Mode("c", down)],
+        [Transition("a", "b", guard=lambda t, s, p: s.x, direction=-1, label="a to b"), Transition("b", "c", guard=lambda t, s, p: s.x, direction=1, label="b to c"),
+         Transition("c", "a", guard=lambda t, s, p: s.x, direction=-1, label="c to a")],
+        start={"x": 1.0},
+    )
+    run = simulate(system, 5.0, backend=backend)
+    assert re.match(r'endless loop at t = 1: 100 events at one instant, the last of them ".*" \(chattering', run.stopped)
+    assert run.t[-1] == pytest.approx(1.0) and len(run.events) > 100  # what was computed is kept
 
 
 def test_short_pulses_are_not_stepped_over():

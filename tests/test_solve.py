@@ -534,8 +534,9 @@ def test_other_guards_are_seen_while_sliding(backend):
     assert run.stopped == 'terminal event "enough"' and run.t[-1] == pytest.approx(5, abs=1e-12)
 
 
-def test_thousands_of_switches():
-    run = simulate(systems.ball(), 3000.0, e=1.0)
+@pytest.mark.parametrize("backend", BOTH)
+def test_thousands_of_switches(backend):
+    run = simulate(systems.ball(), 3000.0, e=1.0, backend=backend)
     period = 2 * math.sqrt(2 * 10 / 9.81)
     assert len(run.events) == int(3000 / period + 0.5) and run.stopped == "finished"
 

@@ -472,11 +472,9 @@ class _Batch:
         st, i = self.settings, self.w.i
         out, ledger = self.rows("out", i[core.OUT]), self.rows("ledger", i[core.LEDGER])
         touches = np.array(self.w.touch)[: i[core.TOUCHES]].tolist()
-        work = Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), len(ledger), 0.0, st.method, "plain" if self.code is None else "compiled")
-        run = Run(st.system, p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], Events(len(ledger), lambda: _events(st, ledger)),
+        work = Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), len(ledger), perf_counter() - began, st.method, "plain" if self.code is None else "compiled")
+        return Run(st.system, p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], Events(len(ledger), lambda: _events(st, ledger)),
                   self.reason(0), work, self.rows("pieces", i[core.PIECES]), [Touch(t, st.system.transitions[int(who)].name, by) for t, who, by in touches])
-        object.__setattr__(work, "seconds", perf_counter() - began)
-        return run
 
 
 class _Rows:
