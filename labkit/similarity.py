@@ -146,7 +146,8 @@ def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, a
     values = ", ".join(f"{value:.4g}" if value.imag else f"{value.real:.4g}" for value in eigenvalues(A))
     remarks = [(made == kind, f"type: {made} (eigenvalues {values})" + ("" if made == kind else f", but the task asks for: {kind}"))]
     try:
-        rest = equilibrium(A, b) + 0.0  # no -0
+        rest = equilibrium(A, b)
+        rest = np.where(np.abs(rest) < 1e-12 * np.abs(rest).max(), 0.0, rest)  # for the eye
         there = at is None or bool(np.allclose(rest, finite(at, (2,), "at"), rtol=1e-6, atol=1e-6))
         wanted = "" if there else " and not at ({:g}, {:g}): b must be −A s*".format(*at)  # type: ignore[misc]
         remarks.append((there, f"equilibrium at ({rest[0]:.4g}, {rest[1]:.4g}){wanted}"))

@@ -71,7 +71,8 @@ class Planes(View):
             raise ModelError(f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of {run.system.name!r}, {A.round(6).tolist()}: check the parts")
         rest = equilibrium(A, b)
         curves, arrows = _flow(np.asarray(Lambda, dtype=float), self.reach[0])
-        own = ((run.values[:, :2] - rest) @ inverse.T, run.values[:, :2])
+        with np.errstate(invalid="ignore", over="ignore"):  # a run that diverged
+            own = ((run.values[:, :2] - rest) @ inverse.T, run.values[:, :2])
         for side, reach, T, origin, path in zip(self._sides, self.reach, (np.eye(2), S), (np.zeros(2), rest), own, strict=True):
             side.set(T, origin, np.asarray(Lambda, dtype=float), curves, arrows, path, reach, self.reach[0] / 6)
         half = self.reach[1] / 2
@@ -103,7 +104,7 @@ class _Side:
         def show(line: Line2D, points: np.ndarray) -> None:
             line.set_data(*(points @ T.T + origin).T)
 
-        show(self.lattice, _lattice())
+        show(self.lattice, _lattice(2.0 ** np.round(np.log2(6 * unit / 4))))
         self.flag.set_xy(unit * FLAG @ T.T + origin)
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
@@ -119,9 +120,9 @@ def _star(Lambda: np.ndarray) -> bool:
     return borders(Lambda)["star"] < 1e-9  # every direction is an eigenvector
 
 
-def _lattice() -> np.ndarray:
-    """Lines z1 = k and z2 = k, k = −9 … 9, with NaN between them."""
-    k, far, up = np.arange(-9, 10.0), np.array([-9, 9, np.nan]), np.array([1, 1, np.nan])
+def _lattice(space: float) -> np.ndarray:
+    """Lines z1 = k·space and z2 = k·space, k = −9 … 9, with NaN between them."""
+    k, far, up = space * np.arange(-9, 10.0), space * np.array([-9, 9, np.nan]), np.array([1, 1, np.nan])
     level = np.stack([np.broadcast_to(far, (19, 3)), np.outer(k, up)], axis=2).reshape(-1, 2)
     return np.concatenate([level, level[:, ::-1]])
 
@@ -130,25 +131,25 @@ def _flow(Lambda: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Exact trajectories, forwards and backwards from points on a circle (of a centre: on a ray), NaN between; and the points with arrows."""
     a, square = np.trace(Lambda) / 2, (Lambda[0, 0] - Lambda[1, 1]) ** 2 / 4 + Lambda[0, 1] * Lambda[1, 0]
     turns = np.sqrt(max(-square, 0.0))  # rad/s
-    spin = turns > 0 and abs(a) < turns / 8
-    if spin:  # one turn each; where a turn changes the radius visibly, the end of one curve is the beginning of another
-        turn = 2 * np.pi * abs(a) / turns
-        radii = 1.35 * np.exp(-np.arange(0, 2.5, turn / max(1, round(turn / 0.25)))) if turn > 0.1 else np.linspace(0.15, 1.35, 9)
-        starts = reach * np.column_stack([radii, np.zeros(len(radii))])
+    values = a + np.sqrt(max(square, 0.0)) * np.array([1, -1])  # the eigenvalues, or their real part
+    if turns > 50 * abs(a):  # closed, or nearly: half a turn each way
+        starts = reach * np.column_stack([np.linspace(0.15, 1.35, 9), np.zeros(9)])
+        t = np.linspace(-1, 1, 121) * np.pi / turns
     else:
-        count = 8 if turns else 16
+        count = int(np.clip(2 * np.pi * abs(a) / turns / 0.24, 1, 10)) if turns else 16  # arms of a spiral, a quarter apart
         angle = (np.arange(count) + 0.5) * 2 * np.pi / count
         starts = 0.62 * reach * np.column_stack([np.cos(angle), np.sin(angle)])
-    values = a + np.sqrt(max(square, 0.0)) * np.array([1, -1])  # the eigenvalues, or their real part
-    if turns:
-        span = min(4 / (abs(a) + 1e-12), 2 * np.pi / turns * (0.5 if spin else 1.5))
-        t = np.linspace(-1, 1, 161) * span
-    else:
-        t = np.linspace(-1, 1, 91) ** 3 * 4.5 / np.abs(values).min()  # closely spaced near the start: one eigenvalue may be much faster
-        t = t[np.outer(values, t).max(axis=0) < 300]
+        if turns:
+            t = np.linspace(*sorted((1.2 / a, -3.0 / a)), int(40 * 4.2 * turns / (2 * np.pi * abs(a))) + 80)
+        else:
+            t = np.linspace(-1, 1, 91) ** 3 * 4.5 / np.abs(values).min()  # closely spaced near the start: one eigenvalue may be much faster
+            t = t[np.outer(values, t).max(axis=0) < 300]
     z = exact(Lambda, (0.0, 0.0), starts, t)
     z[np.abs(z).max(axis=2) > 8 * reach] = np.nan
-    return np.concatenate([z, np.full((len(z), 1, 2), np.nan)], axis=1).reshape(-1, 2), starts
+    marked = starts
+    if turns and len(starts) < 9:  # the few arms of a slow spiral get more arrows, at halved distances
+        marked = exact(Lambda, (0.0, 0.0), starts, np.log([1.0, 0.7, 0.4, 0.2]) / a).reshape(-1, 2)
+    return np.concatenate([z, np.full((len(z), 1, 2), np.nan)], axis=1).reshape(-1, 2), marked
 
 
 def _heads(at: np.ndarray, way: np.ndarray, size: float) -> np.ndarray:
