@@ -265,6 +265,3 @@ def test_08_what_methods_make_of_a_circle():
     far = np.hypot(run["s1"] - 0.2, run["s2"] - 0.1)
     assert far == pytest.approx(np.full(len(far), 0.5), abs=1e-8)
     assert book["lengths"][0] / book["lengths"][1] == pytest.approx(4)
-
-
-@pytest.mark.skipif(9 not in NUMBERS, reason="not written")

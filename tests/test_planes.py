@@ -75,10 +75,10 @@ def test_parts_that_do_not_make_the_model_are_refused():
 
 def test_slow_spirals_join_at_the_end_of_a_turn():
     """Each curve is one turn; its end is the beginning of the next but some, so that no seam shows."""
-    from labkit.draw.planes import _flow
+    from labkit.draw import flow_lines
 
     Lambda = canonical("unstable spiral point", 0.1, 1)
-    curves, starts = _flow(Lambda, 2.0)
+    curves, starts = flow_lines(Lambda, 2.0)
     pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
     begin, end = np.hypot(*pieces[:, 0].T), np.hypot(*pieces[:, -1].T)
     inner = end[end < begin.max() * 0.999]

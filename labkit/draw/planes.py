@@ -22,7 +22,7 @@ from ..similarity import Similarity
 from .figure import COLORS, INK, figure, head, style, symbol, tint
 from .view import View
 
-__all__ = ["Planes", "planes"]
+__all__ = ["Planes", "arrow_heads", "flow_lines", "planes"]
 
 Parts = Callable[[tuple], tuple[np.ndarray, Similarity]]
 #: a letter F, since no turn makes it its mirror image; for a picture that reaches from −6 to 6
@@ -70,7 +70,7 @@ class Planes(View):
         if np.abs(S @ Lambda @ inverse - A).max() > 1e-9 * max(1.0, float(np.abs(A).max())) * max(1.0, float(np.abs(S).max())) ** 2:
             raise ModelError(f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of {run.system.name!r}, {A.round(6).tolist()}: check the parts")
         rest = equilibrium(A, b)
-        curves, arrows = _flow(np.asarray(Lambda, dtype=float), self.reach[0])
+        curves, arrows = flow_lines(np.asarray(Lambda, dtype=float), self.reach[0])
         with np.errstate(invalid="ignore", over="ignore"):  # a run that diverged
             own = ((run.values[:, :2] - rest) @ inverse.T, run.values[:, :2])
         for side, reach, T, origin, path in zip(self._sides, self.reach, (np.eye(2), S), (np.zeros(2), rest), own, strict=True):
@@ -108,7 +108,7 @@ class _Side:
         self.flag.set_xy(unit * FLAG @ T.T + origin)
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
-        self.arrows.set_data(*(_heads(at, way, 0.05 * reach) + origin).T)
+        self.arrows.set_data(*(arrow_heads(at, way, 0.05 * reach) + origin).T)
         lines = [] if _star(Lambda) else [v for _, v in eigenlines(Lambda)]
         show(self.eigen, np.concatenate([np.outer((-1e3, 1e3, np.nan), v) for v in lines]) if lines else np.zeros((0, 2)))
         self.run.set_data(*path.T)
@@ -127,9 +127,13 @@ def _lattice(space: float) -> np.ndarray:
     return np.concatenate([level, level[:, ::-1]])
 
 
-def _flow(Lambda: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Exact trajectories, forwards and backwards from points on a circle (of a centre: on a ray), NaN between; and the points with arrows."""
-    a, square = np.trace(Lambda) / 2, (Lambda[0, 0] - Lambda[1, 1]) ** 2 / 4 + Lambda[0, 1] * Lambda[1, 0]
+def flow_lines(A: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """lines, points = flow_lines(A, 4.0): the portrait of dy/dt = A y for a picture from −reach to reach, any A, also a singular one.
+
+    lines   (n, 2), exact trajectories, forwards and backwards from points on a circle (of a centre: on a ray), NaN between
+    points  (k, 2), where arrows should stand; the direction there is A y
+    """
+    a, square = np.trace(A) / 2, (A[0, 0] - A[1, 1]) ** 2 / 4 + A[0, 1] * A[1, 0]
     turns = np.sqrt(max(-square, 0.0))  # rad/s
     values = a + np.sqrt(max(square, 0.0)) * np.array([1, -1])  # the eigenvalues, or their real part
     if turns > 50 * abs(a):  # closed, or nearly: half a turn each way
@@ -142,19 +146,20 @@ def _flow(Lambda: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
         if turns:
             t = np.linspace(*sorted((1.2 / a, -3.0 / a)), int(40 * 4.2 * turns / (2 * np.pi * abs(a))) + 80)
         else:
-            t = np.linspace(-1, 1, 91) ** 3 * 4.5 / np.abs(values).min()  # closely spaced near the start: one eigenvalue may be much faster
+            slowest = max(np.abs(values).min(), np.linalg.norm(A) / 200) or 1.0  # an eigenvalue may be 0
+            t = np.linspace(-1, 1, 91) ** 3 * 4.5 / slowest  # closely spaced near the start: one eigenvalue may be much faster
             t = t[np.outer(values, t).max(axis=0) < 300]
-    z = exact(Lambda, (0.0, 0.0), starts, t)
+    z = exact(A, (0.0, 0.0), starts, t)
     z[np.abs(z).max(axis=2) > 8 * reach] = np.nan
     marked = starts
     if turns and len(starts) < 9:  # the few arms of a slow spiral get more arrows, at halved distances
-        marked = exact(Lambda, (0.0, 0.0), starts, np.log([1.0, 0.7, 0.4, 0.2]) / a).reshape(-1, 2)
+        marked = exact(A, (0.0, 0.0), starts, np.log([1.0, 0.7, 0.4, 0.2]) / a).reshape(-1, 2)
     return np.concatenate([z, np.full((len(z), 1, 2), np.nan)], axis=1).reshape(-1, 2), marked
 
 
-def _heads(at: np.ndarray, way: np.ndarray, size: float) -> np.ndarray:
-    """Arrow heads as open strokes, NaN between."""
+def arrow_heads(at: np.ndarray, way: np.ndarray, size: float) -> np.ndarray:
+    """arrow_heads(points, points @ A.T, 0.2) -> (4 k, 2): heads at the points along `way`, as open strokes with NaN between; none where nothing moves."""
     length = np.hypot(*way.T)[:, None]
-    way = size * way / np.where(length > 0, length, 1)
+    way = size * way / np.where(length > 0, length, np.nan)
     side = 0.5 * way[:, ::-1] * (-1, 1)
     return np.stack([at - way + side, at, at - way - side, np.full_like(at, np.nan)], axis=1).reshape(-1, 2)
