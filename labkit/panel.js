@@ -167,7 +167,7 @@ function render({ model, el }) {
   const values = Object.fromEntries(spec.controls.map((control) => [control.key, control.value]));
   const queue = new Map(); // messages that wait, by what they replace
   const [rows, grids, wanted, pointers] = [{}, {}, {}, new Map()]; // wanted: limits that the user has asked for, by axes
-  let [seq, flying, patience] = [0, null, []]; // flying: the message that waits for its answer
+  let [seq, sent, flying, patience] = [0, 0, null, []]; // flying: the message that waits for its answer
   let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: parts in drawing order, the first of them as pixels
   let info = { axes: [], grips: [], span: [0, 1], t: null };
   let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
@@ -195,7 +195,8 @@ function render({ model, el }) {
     const [key, message] = queue.entries().next().value;
     queue.delete(key);
     flying = message;
-    model.send({ ...message, view: me, seq: ++seq, ratio: ratio(), scale: (canvas.clientWidth || spec.width) / spec.width });
+    sent = ratio();
+    model.send({ ...message, view: me, seq: ++seq, ratio: sent, scale: (canvas.clientWidth || spec.width) / spec.width });
     if (message.kind === "cursor") return;
     patience = [[400, "the kernel is busy"], [8000, "no answer: the kernel is busy, or it was restarted; then run the cell again"]].map(([time, text]) =>
       setTimeout(() => (verdict.dataset.late = `  … ${text}`), time));
@@ -513,11 +514,7 @@ function render({ model, el }) {
     if (el.contains(event.target)) event.target.toggleAttribute("data-lm-suppress-shortcuts", !lab);
   };
   window.addEventListener("keydown", keys, true);
-  let last = 0;
-  const resized = new ResizeObserver(() => {
-    if (canvas.clientWidth && last && Math.abs(canvas.clientWidth - last) > 1) ask("ready");
-    last = canvas.clientWidth;
-  });
+  const resized = new ResizeObserver(() => canvas.clientWidth && Math.abs(ratio() - sent) > 0.003 && ask("ready")); // also when it first gets its place
   resized.observe(canvas);
 
   arrange();

@@ -118,7 +118,7 @@ def test_time_plot_and_portrait(ratio):
     fig = figure(1, 2, width=10)
     curves = time_plot(run, ("x", "V"), axes=fig.axes[0])
     view = phase_portrait(run.system, "x", "V", starts=6, horizon=4.0, run=run, axes=fig.axes[1])
-    same(Picture(fig, *curves.artists, *view.artists), ratio)
+    same(Picture(fig, *curves.artists, *view.artists), ratio, mean=0.1, far=0.0015)  # strokes laid over each other, not added up
 
 
 def test_events_jumps_modes_and_legend():
