@@ -17,9 +17,10 @@ _HOMES = {
     "model": "At Every Mode ModelError Output Parameter System Transition",
     "equations": "equations jacobian mode_diagram parameter_table",
     "solve": "METHODS simulate simulate_many",
-    "run": "Event Run Runs Work load_npz",
-    "draw": "COLORS Sketch View figure mode_colors phase_portrait time_plot",
-    "linear": "classify",
+    "run": "Event Run Runs Touch Work load_npz",
+    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
+    "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact true_error",
+    "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }

@@ -1,6 +1,7 @@
 """python -m labkit: set up the workbook's own environment and open it.
 
     python -m labkit                   JupyterLab on notebooks/start.ipynb; further words go to JupyterLab
+    python -m labkit show part3/06     one notebook as a page, its code hidden; further words go to Voilà
     python -m labkit test              all tests and all notebooks; further words go to pytest
     python -m labkit run [notebook …]  run notebooks (all of them) from the top and save them with their results
     python -m labkit setup             only set up
@@ -47,7 +48,13 @@ def main(words: list[str]) -> int:
     except SetupError as error:
         print(f"\nlabkit: {error}", file=sys.stderr)
         return 1
-    command, rest = (words[0], words[1:]) if words and words[0] in ("test", "run", "setup", "lab") else ("lab", words)
+    command, rest = (words[0], words[1:]) if words and words[0] in ("show", "test", "run", "setup", "lab") else ("lab", words)
+    if command == "show":
+        try:
+            return show(rest)
+        except SetupError as error:
+            print(f"labkit: {error}", file=sys.stderr)
+            return 1
     if command == "test":
         return test(rest)
     if command == "run":
@@ -166,6 +173,30 @@ def lab(options: list[str]) -> int:
     print("labkit: JupyterLab opens in your browser; to end it press Ctrl-C twice in this window", flush=True)
     try:
         return subprocess.run(lab_command(*options), env=lab_environment()).returncode
+    except KeyboardInterrupt:
+        return 0
+
+
+def show_command(words: list[str]) -> list[str]:
+    """show_command(["part3/06"]) -> the command line of Voilà for the one notebook that is meant; an unclear name is a SetupError."""
+    from .notebooks import found
+
+    paths = {path.relative_to(ROOT / "notebooks").with_suffix("").as_posix(): path for path in found()}
+    name = words[0].removesuffix(".ipynb").removeprefix("notebooks/") if words else ""
+    meant = [name] if name in paths else [known for known in paths if name and (known.startswith(name) or known.rpartition("/")[2].startswith(name))]
+    if len(meant) != 1:
+        what = f"{name!r} is {'no notebook' if not meant else 'not one notebook'}" if name else "which notebook?"
+        raise SetupError(f"{what}; say one of: {', '.join(meant or paths)}")
+    return [sys.executable, "-m", "voila", str(paths[meant[0]]), "--VoilaConfiguration.show_tracebacks=True", *words[1:]]
+
+
+def show(words: list[str]) -> int:
+    """One notebook as an app: it runs in a kernel of its own for every page that opens it."""
+    command = show_command(words)
+    warm()
+    print("labkit: the notebook opens in your browser once it has run; to end it press Ctrl-C in this window", flush=True)
+    try:
+        return subprocess.run(command, env=lab_environment()).returncode
     except KeyboardInterrupt:
         return 0
 

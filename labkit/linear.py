@@ -1,13 +1,69 @@
-"""Linear systems of second order: the type of an equilibrium."""
+"""Linear systems of second order, ds/dt = A s + b: the type of their equilibrium, and their exact solution.
+
+    classify(A), borders(A), equilibrium(A, b), eigenlines(A)
+    exact(A, b, (4, -2), t)      # (len(t), 2), also where A is defective or singular
+    true_error(run)              # of a simulated linear model; error_table(system, 10.0, [("RK4", 0.1), ("DOP853", 1e-10)])
+
+All of it rests on one splitting of a real 2 × 2 matrix, A = a E + q J + R: a = tr A/2, J the quarter turn [[0, −1], [1, 0]], and
+R symmetric with trace 0, that is, r times a reflection. Then λ = a ± √(r² − q²), the singular values are |√(a² + q²) ± r|, and what
+decides the type is which of r, |q| and |a| is larger: numbers that come from A without cancellation.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .model import ModelError
+from .model import ModelError, System, listed
+from .run import Run
+from .show import Table
 
-__all__ = ["classify"]
+__all__ = ["affine", "borders", "classify", "eigenlines", "eigenvalues", "equilibrium", "error_table", "exact", "true_error"]
+
+E = np.eye(2)
+
+
+def finite(value: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
+    """finite(b, (2,), "b") -> array of that shape; ModelError, naming it, for another shape or anything that is not a finite number."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{what} must be made of numbers, not {value!r}") from None
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ModelError(f"{what} must be {'a 2 × 2 matrix' if len(shape) == 2 else 'a pair'} of finite numbers, not {value!r}")
+    return array
+
+
+def _split(A: ArrayLike) -> tuple[float, float, float, float, float]:
+    """size, a, q, r and r − |q| of A = size·(a E + q J + R), entries of A/size at most 1. size = 0 for the zero matrix."""
+    w, x, y, z = finite(A, (2, 2), "the matrix").ravel().tolist()
+    size = max(abs(w), abs(x), abs(y), abs(z))
+    if size == 0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    w, x, y, z = w / size, x / size, y / size, z / size
+    d, q, r = (w - z) / 2, (y - x) / 2, hypot((w - z) / 2, (x + y) / 2)
+    return size, (w + z) / 2, q, r, (d * d + x * y) / ((r + abs(q)) or 1.0)  # r² − q² = d² + xy
+
+
+# ---- the type
+
+
+def borders(A: ArrayLike) -> dict[str, float]:
+    """borders(A)["tr A = 0"] -> how far A is from a border between types, relative to ‖A‖.
+
+    The distance is ‖ΔA‖/‖A‖ (spectral norm) of the smallest change that puts A exactly on the border: |√(a² + q²) − r| for
+    "det A = 0" (the smallest singular value), |a| for "tr A = 0", |r − |q|| for "equal eigenvalues", i.e. det A = (tr A/2)², and
+    r + |q| for "star". A change below this distance cannot carry A over that border. All are 0 for the zero matrix.
+    """
+    return _borders(*_split(A)[1:])
+
+
+def _borders(a: float, q: float, r: float, gap: float) -> dict[str, float]:
+    turn, norm = hypot(a, q), (hypot(a, q) + r) or 1.0
+    return {"det A = 0": abs(turn - r) / norm, "tr A = 0": abs(a) / norm, "equal eigenvalues": abs(gap) / norm, "star": (r + abs(q)) / norm}
 
 
 def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
@@ -17,34 +73,172 @@ def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
     λ = tr A/2 ± √((tr A/2)² − det A): "stable …" or "unstable …" with "node", "star", "improper node" or "spiral point";
     "saddle", "centre", and "degenerate (line of equilibria)" or "degenerate (all points)" when det A = 0.
 
-    Stars, improper nodes, centres and degenerate cases are equalities, which numbers meet only to rounding. With a = tr A/2,
-    B = A − a E and ‖·‖ the largest absolute entry, what counts as equal is: det A = 0 to tolerance·‖A‖²; B = 0 (star) to
-    tolerance·‖A‖; equal eigenvalues (det B = 0) to tolerance·‖A‖·‖B‖; a = 0 (centre) to tolerance·‖A‖. Raises ModelError
-    for anything but a finite 2 × 2 matrix or a tolerance outside 0 … 0.1.
+    Stars, improper nodes, centres and degenerate cases are equalities, which numbers meet only to rounding: A counts as being on a
+    border when its distance to it, as `borders` gives it, is at most `tolerance`. With tolerance 0 the answer is right for every
+    matrix farther than 1e-15 from all borders. Raises ModelError for anything but a finite 2 × 2 matrix or a tolerance outside 0 … 0.1.
     """
-    M = np.asarray(A, dtype=float)
-    if M.shape != (2, 2) or not np.all(np.isfinite(M)):
-        raise ModelError(f"classify takes a 2 × 2 matrix of finite numbers, not {A!r}")
     if not 0 <= tolerance <= 0.1:
         raise ModelError(f"tolerance = {tolerance:g} must lie in 0 … 0.1")
-    size = np.abs(M).max()
+    size, a, q, r, gap = _split(A)
     if size == 0:
         return "degenerate (all points)"
-    M = M / size
-    a = (M[0, 0] + M[1, 1]) / 2
-    d = (M[0, 0] - M[1, 1]) / 2  # B = [[d, M01], [M10, −d]]
-    square = d * d + M[0, 1] * M[1, 0]  # −det B = (tr A/2)² − det A, without the cancellation
-    spread = max(abs(d), abs(M[0, 1]), abs(M[1, 0]))
-    determinant = M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    if abs(determinant) <= tolerance:
+    near = {name: distance <= tolerance for name, distance in _borders(a, q, r, gap).items()}
+    if near["det A = 0"]:
         return "degenerate (line of equilibria)"
-    if determinant < 0:
+    if r > hypot(a, q):
         return "saddle"
     stability = "stable" if a < 0 else "unstable"
-    if spread <= tolerance:
+    if near["star"]:
         return f"{stability} star"
-    if abs(square) <= tolerance * spread:
+    if near["equal eigenvalues"]:
         return f"{stability} improper node"
-    if square > 0:
+    if gap > 0:
         return f"{stability} node"
-    return "centre" if abs(a) <= tolerance else f"{stability} spiral point"
+    return "centre" if near["tr A = 0"] else f"{stability} spiral point"
+
+
+def eigenvalues(A: ArrayLike) -> tuple[complex, complex]:
+    """eigenvalues(A) -> (λ1, λ2), larger real part first; equal ones come out equal, which NumPy's eigvals cannot promise."""
+    size, a, q, r, gap = _split(A)
+    root = np.sqrt(complex(gap * (r + abs(q))))
+    return size * (a + root), size * (a - root)
+
+
+def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.ndarray]]:
+    """eigenlines(A) -> [(λ, unit vector), …], largest λ first: the directions of straight trajectories through the equilibrium.
+
+    Two for a node or a saddle (there they are the separatrices: unstable first), one for an improper node, none for a spiral or a
+    centre. For a star every direction is one; the two axes are returned. `tolerance` as in `classify`.
+    """
+    size, a, q, r, gap = _split(A)
+    near = _borders(a, q, r, gap)
+    if near["star"] <= tolerance:
+        return [(size * a, E[0]), (size * a, E[1])]
+    if gap < 0 and near["equal eigenvalues"] > tolerance:
+        return []
+    (w, x), (y, z) = (np.asarray(A, dtype=float) / size).tolist()
+    d, root = (w - z) / 2, (0.0 if near["equal eigenvalues"] <= tolerance else np.sqrt(gap * (r + abs(q))))
+    lines = []
+    for s in (root, -root)[: 2 if root else 1]:
+        v = np.array([d + s, y] if d * s > 0 or (d * s == 0 and abs(y) >= abs(x)) else [x, s - d])  # the column of A − aE + sE without cancellation
+        v = v / np.hypot(*v)
+        lines.append((size * (a + s), v if (v[0], v[1]) > (0, 0) else -v))
+    return lines
+
+
+# ---- equilibrium and exact solution
+
+
+def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndarray:
+    """equilibrium(A, b) -> s* = −A⁻¹ b, the only point where A s + b = 0.
+
+    Raises ModelError when det A = 0 (to `tolerance`, see `borders`), and says whether no point or a whole line of points is at rest.
+    """
+    A, b = finite(A, (2, 2), "A"), finite(b, (2,), "b")
+    if not np.any(A) or borders(A)["det A = 0"] <= tolerance:
+        U, s, Vt = np.linalg.svd(A)
+        drive = abs(float(U[:, -1] @ b))  # the part of b that no A s can balance
+        if not np.any(A):
+            why = "A = 0, so ds/dt = b everywhere: " + ("no point is at rest" if np.any(b) else "all points are at rest")
+        elif drive > 1e-9 * np.hypot(*b):
+            why = f"A s takes values on one line only and b does not lie on it: no point is at rest, the state drifts for ever ({drive:.3g} across that line)"
+        else:
+            (x, y), (dx, dy) = -Vt[0] * (U[:, 0] @ b) / s[0], Vt[1]
+            why = f"A does not feel the direction ({dx:.3g}, {dy:.3g}): every point of the line through ({x:.3g}, {y:.3g}) along it is at rest"
+        raise ModelError(f"there is no single equilibrium, because det A = 0. {why}")
+    return np.linalg.solve(A, -b)
+
+
+def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndarray:
+    """exact(A, b, (4, -2), t) -> s(t) = e^{At} s0 + (∫₀ᵗ e^{Aτ} dτ) b, shape (len(t), 2); starts of shape (k, 2) give (k, len(t), 2).
+
+    The integral is A⁻¹(e^{At} − E) where A has an inverse, and exists where it has none. With B = A − aE and ±√Δ = ±√(r² − q²) the
+    eigenvalues of B, every function of A is f(A) = ½(f(λ1) + f(λ2)) E + f[λ1, λ2] B; the divided differences f[λ1, λ2] are evaluated
+    without cancellation, so nodes with nearly equal eigenvalues, improper nodes and spirals are one formula.
+    Times may be negative. Raises ModelError for wrong shapes, and where the solution leaves the range of numbers (1e308).
+    """
+    A, b = finite(A, (2, 2), "A"), finite(b, (2,), "b")
+    t, start = np.asarray(t, dtype=float).reshape(-1, 1, 1), np.asarray(start, dtype=float)
+    if start.shape[-1:] != (2,) or start.ndim > 2 or not (np.all(np.isfinite(start)) and np.all(np.isfinite(t))):
+        raise ModelError(f"start must be a pair of numbers or an array (k, 2), and t finite; got a start of shape {start.shape}")
+    size, a, q, r, gap = _split(A)
+    a, root = size * a, size * np.sqrt(complex(gap * (r + abs(q))))
+    B = A - a * E
+    w = np.where((root * t).real < 0, -root * t, root * t)  # both functions below are even in it
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = (np.exp(a * t + w) + np.exp(a * t - w)) / 2
+        slope = t * np.exp(a * t + w) * _phi1(-2 * w)  # e^{at} sinh(√Δ t)/√Δ
+        flow = mean.real * E + slope.real * B
+        h = t * (_phi1(a * t + w) + _phi1(a * t - w)) / 2
+        # f[λ1, λ2] of f(λ) = t φ(λt): the difference quotient, or Gauss's mean of f' where λ1 t and λ2 t are close
+        close = np.abs(w) < 1
+        far = np.where(close, 1, w)
+        between = sum(g / 2 * _phi1_slope(a * t + x * w) for x, g in zip(*np.polynomial.legendre.leggauss(8), strict=True))
+        steep = t * t * np.where(close, between, (_phi1(a * t + far) - _phi1(a * t - far)) / (2 * far))
+        drive = (h.real * E + steep.real * B) @ b
+    s = np.einsum("mij,...j->...mi", flow, start) + drive
+    if not np.all(np.isfinite(s)):
+        raise ModelError(f"the exact solution grows beyond 1e308 within t = {np.abs(t).max():g}: take a shorter time")
+    return s
+
+
+def _phi1(z: np.ndarray) -> np.ndarray:
+    """(e^z − 1)/z, 1 at 0; NumPy's complex expm1 is accurate near 0."""
+    zero = np.abs(z) < 1e-100  # a complex quotient of still smaller numbers overflows
+    safe = np.where(zero, 1, z)
+    return np.where(zero, 1, np.expm1(safe) / safe)
+
+
+def _phi1_slope(z: np.ndarray) -> np.ndarray:
+    """Derivative of (e^z − 1)/z: (e^z (z − 1) + 1)/z², near 0 its series Σ z^k/(k! (k + 2))."""
+    series, term = np.zeros_like(z), np.ones_like(z)
+    small = np.where(np.abs(z) < 1, z, 0)
+    for k in range(20):
+        series, term = series + term / (k + 2), term * small / (k + 1)
+    safe = np.where(np.abs(z) < 1, 1, z)
+    return np.where(np.abs(z) < 1, series, (np.exp(safe) * (safe - 1) + 1) / safe**2)
+
+
+def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """A, b = affine(system, run.p): the matrix and the inflow of a linear model, from its own flow at three points.
+
+    Raises ModelError for a model that has not two states and one mode, or is not linear.
+    """
+    (mode,) = system.modes.values() if len(system.modes) == 1 else (None,)
+    if mode is None or len(system.states) != 2:
+        raise ModelError(f"{system.name!r} has {len(system.modes)} mode(s) and the states {listed(system.states)}; here a system has one mode and two states")
+    kind, p = system.S[mode.name], system.values() if p is None else p
+
+    def flow(x: float, y: float, t: float = 0.0) -> np.ndarray:
+        return np.array(mode.flow(t, kind(x, y), p), dtype=float)
+
+    b = flow(0.0, 0.0)
+    A = np.column_stack([flow(1.0, 0.0) - flow(-1.0, 0.0), flow(0.0, 1.0) - flow(0.0, -1.0)]) / 2
+    x, y, t = 1.7, -2.3, 0.7
+    if not np.allclose(flow(x, y, t), A @ (x, y) + b, rtol=1e-9, atol=1e-9 * float(np.abs(A).max() + np.abs(b).max())):
+        raise ModelError(f"{system.name!r} is not of the form ds/dt = A s + b with constant A and b")
+    return A, b
+
+
+def true_error(run: Run) -> np.ndarray:
+    """true_error(run) -> distance between simulated and exact state at every sample of a run of a linear model, shape (m,)."""
+    A, b = affine(run.system, run.p)
+    return np.hypot(*(run.values[:, :2] - exact(A, b, run.values[0, :2], run.t - run.t[0])).T)
+
+
+def error_table(system: System, horizon: float, how: Sequence[tuple[str, float]], start: Mapping[str, float] | None = None, **parameters: float) -> Table:
+    """error_table(system, 10.0, [("Euler", 0.01), ("DOP853", 1e-10)]) -> table of what each method costs and how far it is from the exact solution.
+
+    The number beside a method is its step where it has a fixed one (Euler, Heun, RK4), else its rtol (atol is a hundredth of it).
+    """
+    from .solve import simulate
+    from .solve.methods import FIXED_STEP
+
+    rows = []
+    for method, value in how:
+        fixed = method in FIXED_STEP
+        run = simulate(system, horizon, start=start, method=method, **({"step": value} if fixed else {"rtol": value, "atol": value / 100}), **parameters)
+        error, size = true_error(run), np.hypot(*exact(*affine(system, run.p), run.values[0, :2], run.t).T).max()
+        rows.append((method, f"{'h' if fixed else 'rtol'} = {value:.4g}", str(run.work.evaluations),
+                     f"{error.max():.1e}", f"{error.max() / (size or 1):.1e}", f"{error[-1]:.1e}"))
+    return Table(("method", "step or tolerance", "evaluations", "largest error", "of the largest state", "error at the end"), rows)

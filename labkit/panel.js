@@ -1,8 +1,9 @@
-// The browser's half of a panel: sliders, and the pixels that the kernel sends. See panel.py for the other half.
+// The browser's half of a panel: sliders, hands and keys, and the pixels. See panel.py for the other half.
 //
-// to the kernel    {kind: "ready" | "set" | "export", view, seq, values, sharp, ratio, what}
-// from the kernel  {kind: "picture", view, seq, mime, verdict, values} and one buffer, {kind: "error", text, trace}, {kind: "said", text}
-// One message at a time waits for its answer; meanwhile only the newest values are kept, so nothing lags behind a drag.
+// to the kernel    {kind, view, seq, ratio, scale, settled, …}: ready; set values; drag handle x y; limits axes limits; start axes x y; clear; cursor t, or axes x y;
+//                  hold on; large on; export what. One at a time waits for its answer; of those that may wait only the newest is kept, so nothing lags behind.
+// from the kernel  {kind: "picture", view, seq, verdict, values, axes, grips, t, span, reading, begun, size, order, ops} and two buffers (draw/record.py),
+//                  or with a mime type and one buffer; {kind: "error", text, trace}; {kind: "said", text}
 
 function make(tag, className, text) {
   const node = document.createElement(tag);
@@ -45,10 +46,10 @@ function sliderRow(control, changed) {
     range.setAttribute("aria-valuetext", `${show(x)} ${control.unit}`);
     if (document.activeElement !== field) field.value = show(x);
   };
-  const move = (x, sharp) => {
-    if (x === current && !sharp) return;
+  const move = (x, settled) => {
+    if (x === current && !settled) return;
     put(x);
-    changed(control.key, x, sharp);
+    changed(control.key, x, settled);
   };
   range.addEventListener("input", () => move(value(range.valueAsNumber), false));
   range.addEventListener("change", () => move(current, true));
@@ -94,47 +95,125 @@ function name(control) {
   return node;
 }
 
+// ---- the picture: what Matplotlib drew, stroke by stroke
+function unpack(parts, buffers) {
+  const [floats, bytes] = buffers.map((view) => view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength));
+  const [points, pixels] = [new Float32Array(floats), new Uint8Array(bytes)];
+  let [p, b] = [0, 0];
+  const paths = ({ n, apart }) => {
+    const made = [new Path2D()];
+    let [last, down] = [made[0], false];
+    for (const end = p + 2 * n; p < end; p += 2) {
+      const x = points[p];
+      if (x === x) {
+        if (down) last.lineTo(x, points[p + 1]);
+        else last.moveTo(x, points[p + 1]);
+        down = true;
+      } else {
+        if (points[p + 1]) last.closePath();
+        else if (apart) made.push((last = new Path2D()));
+        down = false;
+      }
+    }
+    return made;
+  };
+  const bitmap = ([, , w, h], op) => {
+    const image = new ImageData(w, h);
+    if (op.rgba) image.data.set(pixels.subarray(b, (b += 4 * w * h)));
+    else {
+      const ink = parseInt(op.fill.slice(5, 7) + op.fill.slice(3, 5) + op.fill.slice(1, 3), 16);
+      const words = new Uint32Array(image.data.buffer);
+      for (let k = 0; k < w * h; k++) words[k] = ink | (pixels[b++] << 24);
+    }
+    const made = Object.assign(make("canvas"), { width: w, height: h });
+    made.getContext("2d").putImageData(image, 0, 0);
+    return made;
+  };
+  for (const op of Object.values(parts).flat()) {
+    if (op.image) op.bitmap = bitmap(op.image, op);
+    else op.paths = paths(op);
+    if (op.at) op.places = points.subarray(p, (p += 2 * op.at));
+  }
+}
+
+function draw(context, op, draft) {
+  context.save();
+  if (op.clip) {
+    context.beginPath();
+    context.rect(...op.clip);
+    context.clip();
+  }
+  if (op.bitmap) context.drawImage(op.bitmap, op.image[0], op.image[1]);
+  else {
+    const width = draft && !op.dash ? Math.min(op.width, Math.max(1, op.width - 0.5)) : op.width; // a line of one pixel is painted six times as fast
+    Object.assign(context, { fillStyle: op.fill, strokeStyle: op.stroke, lineWidth: width, lineCap: op.cap, lineJoin: width < 3 ? "miter" : op.join, miterLimit: 4 });
+    if (op.dash) [context.lineDashOffset] = op.dash;
+    if (op.dash) context.setLineDash(op.dash.slice(1));
+    const places = op.places || [0, 0];
+    for (let k = 0; k < places.length; k += 2) {
+      context.setTransform(1, 0, 0, 1, places[k], places[k + 1]);
+      for (const path of op.paths) {
+        if (op.fill) context.fill(path);
+        if (op.stroke) context.stroke(path);
+      }
+    }
+  }
+  context.restore();
+}
+
 function render({ model, el }) {
   const spec = model.get("spec");
   const me = Math.random().toString(36).slice(2);
   const values = Object.fromEntries(spec.controls.map((control) => [control.key, control.value]));
-  const errands = []; // exports, one after the other
-  let [seq, painted, waiting, next, patience] = [0, 0, false, null, []];
+  const queue = new Map(); // messages that wait, by what they replace
+  const [rows, grids, wanted, pointers] = [{}, {}, {}, new Map()]; // wanted: limits that the user has asked for, by axes
+  let [seq, flying, patience] = [0, null, []]; // flying: the message that waits for its answer
+  let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: parts in drawing order, the first of them as pixels
+  let info = { axes: [], grips: [], span: [0, 1], t: null };
+  let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
 
   el.classList.add("labkit-panel");
   const canvas = make("canvas", "labkit-picture");
-  Object.assign(canvas, { width: 2 * spec.width, height: 2 * spec.height });
-  canvas.style.width = `${spec.width}px`;
-  canvas.style.aspectRatio = `${spec.width} / ${spec.height}`;
-  canvas.setAttribute("role", "img");
+  canvas.style.width = `${Math.floor(spec.width)}px`;
+  const ratio = () => {
+    const [dpr, width] = [window.devicePixelRatio || 1, canvas.clientWidth || spec.width];
+    return Math.abs(width - spec.width) < 1 ? dpr : (Math.round(width * dpr) + 0.25) / spec.width; // whole pixels, so that nothing is blurred
+  };
+  const help = "click: trajectory from there · drag: a ring, or the picture · wheel: zoom · double click: back · arrow keys: move the cursor or a ring, Enter: which · " +
+    "Space: play · + − 0: zoom · a: next axes · Alt-arrows: shift · n: trajectory from the ring · Delete: clear";
+  const attributes = { role: "application", tabindex: 0, "aria-label": spec.alt, "aria-roledescription": "live picture", "aria-description": help };
+  for (const [name, text] of Object.entries(attributes)) canvas.setAttribute(name, text);
+  const reading = make("div", "labkit-reading", "\u00a0");
   const verdict = make("div", "labkit-verdict", spec.verdict);
   verdict.setAttribute("role", "status");
-  el.append(canvas, verdict);
+  el.append(canvas, reading, verdict);
+  Object.assign(canvas, { width: spec.width * ratio(), height: spec.height * ratio() });
 
   // ---- messages
   const post = () => {
-    const message = waiting ? null : next || errands.shift();
-    if (!message) return;
-    if (message === next) next = null;
-    [waiting, seq] = [true, seq + 1];
-    model.send({ ...message, view: me, seq, ratio: window.devicePixelRatio || 1 });
+    if (flying || !queue.size) return;
+    const [key, message] = queue.entries().next().value;
+    queue.delete(key);
+    flying = message;
+    model.send({ ...message, view: me, seq: ++seq, ratio: ratio(), scale: (canvas.clientWidth || spec.width) / spec.width });
+    if (message.kind === "cursor") return;
     patience = [[400, "the kernel is busy"], [8000, "no answer: the kernel is busy, or it was restarted; then run the cell again"]].map(([time, text]) =>
       setTimeout(() => (verdict.dataset.late = `  … ${text}`), time));
   };
-  const ask = (message) => {
-    if (message.kind === "export") errands.push(message);
-    else next = message; // only the newest
+  const ask = (kind, more = {}, key = kind) => {
+    queue.set(key, { kind, ...more });
     post();
   };
-  const changed = (key, value, sharp) => {
+  const set = (changes, settled, more = {}) => ask("set", { values: { ...queue.get("set")?.values, ...changes }, settled, ...more });
+  const changed = (key, value, settled) => {
     values[key] = value;
-    ask({ kind: "set", values, sharp });
     arrange();
+    set({ [key]: value }, settled);
   };
   const answered = async (message, buffers) => {
     const mine = message.view === me;
     if (mine) {
-      waiting = false;
+      flying = null;
       patience.forEach(clearTimeout);
       delete verdict.dataset.late;
       post(); // the next one is on its way before this one is painted
@@ -142,36 +221,241 @@ function render({ model, el }) {
     if (message.kind === "said") note.textContent = message.text;
     if (message.kind === "error" && mine) complain(message);
     if (message.kind !== "picture") return;
-    if (!mine || !waiting) sync(message.values);
-    if (!(await paint(new Blob([buffers[0]], { type: message.mime }), mine ? message.seq : painted))) return;
+    sync(message.values, { ...flying?.values, ...queue.get("set")?.values });
+    info = message;
+    if (message.mime) await bitmap(buffers[0], message);
+    else if (message.order || order) {
+      unpack(message.ops, buffers);
+      if (message.order) [order, parts, base] = [message.order, {}, null];
+      Object.assign(parts, message.ops);
+      newest = message;
+      frame ||= requestAnimationFrame(paint); // only the newest picture of each animation frame is painted
+    }
+    reading.textContent = message.reading || "\u00a0";
+    buttons.clear.hidden = !message.begun;
     verdict.classList.remove("labkit-error");
-    verdict.textContent = message.verdict;
+    if (verdict.textContent !== message.verdict) verdict.textContent = message.verdict;
     verdict.style.minHeight = `${verdict.offsetHeight}px`; // a shorter sentence does not move the sliders
-  };
-  const paint = async (blob, number) => {
-    const picture = await createImageBitmap(blob);
-    if (number < painted) return false; // decoding is asynchronous: a newer one was faster
-    painted = number;
-    if (canvas.width !== picture.width || canvas.height !== picture.height) [canvas.width, canvas.height] = [picture.width, picture.height];
-    canvas.getContext("2d").drawImage(picture, 0, 0);
-    canvas.dataset.seq = number;
-    picture.close();
-    return true;
   };
   const complain = (message) => {
     verdict.classList.add("labkit-error");
     verdict.replaceChildren(make("div", "", message.text));
+    for (const key of Object.keys(wanted)) delete wanted[key];
     if (!message.trace) return;
-    const more = make("details");
-    const trace = make("pre", "", message.trace);
+    const [more, trace] = [make("details"), make("pre", "", message.trace)];
     more.append(make("summary", "", "where it happened"), trace);
     more.addEventListener("toggle", () => (trace.scrollTop = trace.scrollHeight)); // the last lines tell most
     verdict.append(more);
   };
 
+  // ---- the picture
+  const layer = (target, ids, [width, height], draft) => {
+    if (target.width !== width || target.height !== height) Object.assign(target, { width, height });
+    const context = target.getContext("2d", { alpha: false });
+    if (base) context.drawImage(base, 0, 0);
+    for (const id of ids) for (const op of parts[id]) draw(context, op, draft);
+    return context;
+  };
+  const paint = () => {
+    frame = 0;
+    if (!base) {
+      base = layer(make("canvas"), order.slice(0, 1), newest.size).canvas; // the still background, once
+      const begin = performance.now();
+      layer(make("canvas"), order.slice(1), newest.size).getImageData(0, 0, 1, 1); // waits until all is painted
+      slow = performance.now() - begin > 12;
+    }
+    layer(canvas, order.slice(1), newest.size, slow && newest.settled === false);
+    shot = null;
+    for (const k of Object.keys(wanted)) {
+      if (queue.has(`limits${k}`) || flying?.axes === Number(k)) preview(k);
+      else delete wanted[k];
+    }
+    if (newest.view === me) canvas.dataset.seq = newest.seq;
+  };
+  const bitmap = async (bytes, message) => {
+    newest = message;
+    const picture = await createImageBitmap(new Blob([bytes], { type: message.mime }));
+    if (newest !== message) return; // decoding is asynchronous: a newer one was faster
+    const [width, height] = message.size;
+    order = null;
+    Object.assign(canvas, { width, height });
+    canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
+    canvas.dataset.seq = message.seq;
+  };
+
+  // ---- zoom: the limits [x0, y0, x1, y1] are linear in pixels; until the kernel's picture comes, the one there is is stretched
+  const preview = (k) => {
+    const { box: [left, top, width, height], limits: [x0, y0, x1, y1] } = info.axes[k];
+    const [a, b, c, d] = wanted[k];
+    shot ||= Object.assign(make("canvas"), { width: canvas.width, height: canvas.height });
+    if (!shot.full) shot.getContext("2d").drawImage(canvas, 0, 0);
+    shot.full = true;
+    const context = canvas.getContext("2d");
+    context.save();
+    context.beginPath();
+    context.rect(left, top, width, height);
+    context.clip();
+    context.fillStyle = "#fff";
+    context.fillRect(left, top, width, height);
+    const [sx, sy] = [((x1 - x0) / (c - a)), ((y1 - y0) / (d - b))];
+    context.setTransform(sx, 0, 0, sy, left + ((x0 - a) / (c - a)) * width - left * sx, top + ((d - y1) / (d - b)) * height - top * sy);
+    context.drawImage(shot, left, top, width, height, left, top, width, height);
+    context.restore();
+  };
+  const relimit = (k, move) => {
+    if (!info.axes[k]) return;
+    wanted[k] = move(wanted[k] || info.axes[k].limits);
+    preview(k);
+    const more = { axes: k, limits: wanted[k] };
+    ask("limits", { ...more, settled: false }, `limits${k}`);
+    clearTimeout(rest);
+    rest = setTimeout(() => ask("limits", more, `limits${k}`), 350); // then the labels find their places
+  };
+  const about = (k, x, y) => {
+    const [left, top, width, height] = info.axes[k].box;
+    return ([x0, y0, x1, y1]) => [x0 + ((x - left) / width) * (x1 - x0), y1 - ((y - top) / height) * (y1 - y0)];
+  };
+  const zoom = (k, factor, x, y) => relimit(k, (old) => {
+    const [px, py] = about(k, x, y)(old);
+    return old.map((value, i) => (i % 2 ? py : px) + (value - (i % 2 ? py : px)) * factor);
+  });
+  const shift = (k, dx, dy) => relimit(k, (old) => {
+    const [, , width, height] = info.axes[k].box;
+    return old.map((value, i) => value - (i % 2 ? (-dy / height) * (old[3] - old[1]) : (dx / width) * (old[2] - old[0])));
+  });
+  const home = (k) => {
+    clearTimeout(rest);
+    delete wanted[k];
+    if (!info.axes[k].home) ask("limits", { axes: k, limits: null }, `limits${k}`);
+  };
+
+  // ---- mouse and fingers
+  const place = (event) => {
+    const box = canvas.getBoundingClientRect();
+    const scale = canvas.width / box.width;
+    return [(event.clientX - box.left) * scale, (event.clientY - box.top) * scale, scale];
+  };
+  const over = (x, y) => info.axes.findIndex(({ box: [left, top, width, height] }) => x >= left && x <= left + width && y >= top && y <= top + height);
+  const grip = (x, y, reach) => {
+    const away = info.grips.map(([a, b]) => Math.hypot(a - x, b - y));
+    const nearest = away.indexOf(Math.min(...away));
+    return away[nearest] <= reach ? nearest : -1;
+  };
+  const listen = (name, action, options) => canvas.addEventListener(name, action, options);
+  listen("pointerdown", (event) => {
+    const [x, y, scale] = place(event);
+    canvas.focus({ preventScroll: true });
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [x, y]);
+    press = { x, y, grip: grip(x, y, (event.pointerType === "touch" ? 24 : 12) * scale), axes: over(x, y), moved: pointers.size > 1 };
+    if (press.grip >= 0) chosen = press.grip;
+    if (press.axes >= 0) current = press.axes;
+  });
+  listen("pointermove", (event) => {
+    const [x, y, scale] = place(event);
+    const k = over(x, y);
+    if (!press || !pointers.has(event.pointerId)) {
+      canvas.style.cursor = grip(x, y, 12 * scale) >= 0 ? "grab" : k < 0 ? "" : "crosshair";
+      if (k >= 0 && info.axes[k].kind === "time" && !pinned && !playing) ask("cursor", { axes: k, x, y });
+      return;
+    }
+    const [oldX, oldY] = pointers.get(event.pointerId);
+    press.moved ||= Math.hypot(x - press.x, y - press.y) > 4 * scale;
+    if (!press.moved) return;
+    const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+    pointers.set(event.pointerId, [x, y]);
+    if (other && press.axes >= 0) zoom(press.axes, Math.hypot(oldX - other[0], oldY - other[1]) / Math.hypot(x - other[0], y - other[1]), (x + other[0]) / 2, (y + other[1]) / 2);
+    else if (press.grip >= 0) ask("drag", { handle: press.grip, x, y, settled: false });
+    else if (press.axes >= 0) shift(press.axes, x - oldX, y - oldY);
+  });
+  const lifted = (event) => {
+    const [x, y] = place(event);
+    pointers.delete(event.pointerId);
+    if (!press || pointers.size) return;
+    if (press.grip >= 0 && press.moved) ask("drag", { handle: press.grip, x, y, settled: true });
+    [press.x, press.y] = [x, y];
+    if (event.type === "pointercancel") press = null;
+  };
+  listen("pointerup", lifted);
+  listen("pointercancel", lifted);
+  listen("click", (event) => {
+    if (!press || press.moved || press.axes < 0 || event.detail > 1) return;
+    const { axes, x, y } = press;
+    if (info.axes[axes].kind === "plane" && press.grip < 0) ask("start", { axes, x, y }, Symbol("start"));
+    if (info.axes[axes].kind !== "time") return;
+    pinned = true;
+    ask("cursor", { axes, x, y });
+  });
+  listen("dblclick", (event) => {
+    const k = over(...place(event));
+    if (k < 0) return;
+    if (info.axes[k].kind === "plane" && press?.grip < 0) ask("clear", { last: 1 }, Symbol("clear")); // its first click was none
+    home(k);
+  });
+  listen("pointerleave", () => !pinned && !playing && info.t !== null && ask("cursor", { t: null }));
+  listen("wheel", (event) => {
+    const [x, y] = place(event);
+    const k = over(x, y);
+    if (k < 0 || document.activeElement !== canvas) return; // the page still scrolls
+    event.preventDefault();
+    zoom(k, 1.0015 ** clip(event.deltaY * (event.deltaMode ? 30 : 1), -300, 300), x, y);
+  }, { passive: false });
+
+  // ---- keys
+  const cursor = (t) => {
+    pinned = true;
+    info.t = clip(t, ...info.span);
+    ask("cursor", { t: info.t });
+  };
+  const play = () => {
+    const [first, last] = info.span;
+    const from = info.t === null || info.t >= last ? first : info.t;
+    const speed = spec.time === "s" && last - first >= 2 && last - first <= 20 ? 1 : (last - first) / 10; // as fast as the clock where that takes 2 to 20 s
+    let begin;
+    const step = (now) => {
+      begin ??= now;
+      const t = Math.min(from + ((now - begin) / 1000) * speed, last);
+      cursor(t);
+      if (t < last) playing = requestAnimationFrame(step);
+      else stop();
+    };
+    playing = requestAnimationFrame(step);
+    buttons.play.textContent = "❚❚ Pause";
+  };
+  const stop = () => {
+    cancelAnimationFrame(playing);
+    playing = 0;
+    if (buttons.play) buttons.play.textContent = "▶ Play";
+  };
+  const toggle = () => (playing ? stop() : play());
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  listen("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || !info.axes.length) return;
+    const { box: [left, top, width, height] } = info.axes[current];
+    const [middle, high] = [left + width / 2, top + height / 2];
+    const ring = info.grips[chosen];
+    const act = {
+      " ": toggle, Delete: () => ask("clear"), Backspace: () => ask("clear"), "+": () => zoom(current, 0.8, middle, high), "=": () => zoom(current, 0.8, middle, high),
+      "-": () => zoom(current, 1.25, middle, high), 0: () => info.axes.forEach((_, k) => home(k)),
+      Escape: () => { pinned = false; stop(); ask("cursor", { t: null }); },
+      a: () => { current = (current + 1) % info.axes.length; note.textContent = `zoom: axes ${current + 1} of ${info.axes.length}`; },
+      Enter: () => { chosen = chosen + 2 > info.grips.length ? -1 : chosen + 1; note.textContent = `arrow keys move: ${chosen < 0 ? "the time cursor" : spec.handles[chosen]}`; },
+      n: () => { const [x, y] = ring || info.grips[0] || []; if (x !== undefined && over(x, y) >= 0) ask("start", { axes: over(x, y), x, y }, Symbol("start")); },
+    }[event.key];
+    const arrow = arrows[event.key];
+    if (!act && !arrow) return;
+    event.preventDefault();
+    if (act) return act();
+    const far = (event.shiftKey ? 0.1 : 0.01) * width;
+    if (event.altKey) shift(current, -5 * far * arrow[0], -5 * far * arrow[1]);
+    else if (ring) ask("drag", { handle: chosen, x: (ring[0] += far * arrow[0]), y: (ring[1] += far * arrow[1]), settled: false });
+    else if (arrow[0]) cursor((info.t ?? info.span[0]) + arrow[0] * (event.shiftKey ? 0.1 : 0.01) * (info.span[1] - info.span[0]));
+  });
+  listen("keyup", (event) => {
+    if (event.key in arrows && info.grips[chosen] && !event.altKey) set({}, true); // the hand rests
+  });
+
   // ---- controls
-  const rows = {};
-  const grids = {};
   for (const control of spec.controls) {
     if (!(control.group in grids)) {
       grids[control.group] = make("div", "labkit-grid");
@@ -183,9 +467,8 @@ function render({ model, el }) {
     rows[control.key].row.title = [control.meaning, control.unit && `in ${control.unit}`].filter(Boolean).join(", ");
     grids[control.group].append(rows[control.key].row);
   }
-  const sync = (newest) => {
-    Object.assign(values, newest);
-    for (const [key, row] of Object.entries(rows)) row.put(values[key]);
+  const sync = (newest, held = {}) => {
+    for (const [key, row] of Object.entries(rows)) if (key in newest && !(key in held)) row.put((values[key] = newest[key]));
     arrange();
   };
   const arrange = () => {
@@ -193,22 +476,35 @@ function render({ model, el }) {
       if (only) rows[key].row.hidden = (only === "fixed") !== spec.fixed.includes(values.method);
     }
   };
-  const bar = make("div", "labkit-bar");
-  const note = make("span", "labkit-note");
-  const button = (text, title, action) => {
+  const [bar, note, buttons] = [make("div", "labkit-bar"), make("span", "labkit-note"), {}];
+  const button = (text, title, action, where = bar) => {
     const node = make("button", "labkit-button", text);
     Object.assign(node, { type: "button", title });
-    node.addEventListener("click", action);
-    bar.append(node);
+    node.addEventListener("click", () => action(node));
+    where.append(node);
+    return node;
   };
-  button("Reset", "all values back to those of the notebook", () => {
-    sync(Object.fromEntries(spec.controls.map((control) => [control.key, control.value])));
-    ask({ kind: "set", values, sharp: true });
-  });
-  button("Save CSV", "the run on show as a table, beside the notebook", () => ask({ kind: "export", what: "csv" }));
-  button("Save NPZ", "the run on show for NumPy, beside the notebook", () => ask({ kind: "export", what: "npz" }));
-  button("Save PNG", "the picture, beside the notebook", () => ask({ kind: "export", what: "png" }));
-  bar.append(note);
+  const lasting = (kind) => (node) => {
+    const on = node.getAttribute("aria-pressed") !== "true";
+    node.setAttribute("aria-pressed", on);
+    ask(kind, { on }, kind);
+  };
+  if (Object.keys(spec.presets).length) {
+    const row = make("div", "labkit-bar labkit-presets");
+    row.append(make("span", "labkit-note", "try"));
+    for (const [text, changes] of Object.entries(spec.presets)) button(text, "sets the sliders to values of the notebook", () => set(changes, true, { reset: true }), row);
+    verdict.after(row);
+  }
+  if (spec.moves) buttons.play = button("▶ Play", "lets the cursor run through the time (Space)", toggle);
+  button("Reset", "all values back to those of the notebook", () => set({}, true, { reset: true }));
+  if (spec.moves) button("Hold", "keeps the run on show as a grey ghost, to compare others with it", lasting("hold"));
+  buttons.clear = button("Clear", "takes away the trajectories that clicks have started (Delete)", () => ask("clear"));
+  buttons.clear.hidden = true;
+  button("Classroom", "large letters, thick lines, axes that stay", lasting("large"));
+  for (const what of ["csv", "npz", "png"]) button(`Save ${what.toUpperCase()}`, "beside the notebook", () => ask("export", { what }, Symbol(what)));
+  const hints = make("details", "labkit-note");
+  hints.append(make("summary", "", "mouse and keys"), make("div", "", help));
+  bar.append(note, hints);
   note.setAttribute("role", "status");
   el.append(bar);
   // Lab's own keys (arrows, a, b, d d …) rest while the panel has the focus, but Ctrl-S still saves and Shift-Enter still runs.
@@ -217,14 +513,23 @@ function render({ model, el }) {
     if (el.contains(event.target)) event.target.toggleAttribute("data-lm-suppress-shortcuts", !lab);
   };
   window.addEventListener("keydown", keys, true);
+  let last = 0;
+  const resized = new ResizeObserver(() => {
+    if (canvas.clientWidth && last && Math.abs(canvas.clientWidth - last) > 1) ask("ready");
+    last = canvas.clientWidth;
+  });
+  resized.observe(canvas);
 
-  sync({});
+  arrange();
   model.on("msg:custom", answered);
-  paint(new Blob([model.get("first")], { type: "image/png" }), 0);
-  ask({ kind: "ready" });
+  bitmap(model.get("first"), { mime: "image/png", size: [canvas.width, canvas.height], seq: 0 });
+  ask("ready");
   return () => {
     model.off("msg:custom", answered);
     window.removeEventListener("keydown", keys, true);
+    resized.disconnect();
+    cancelAnimationFrame(frame);
+    stop();
   };
 }
 

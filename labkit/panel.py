@@ -5,37 +5,37 @@
 
 Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values with a number,
 one unanswered message at a time; `Panel` answers each with one picture (or one error) that carries the number.
-Which bytes make a picture is the business of `Bitmap` alone.
+A picture is what has changed of the figure, as strokes for a canvas: see draw/record.py.
 """
 
 from __future__ import annotations
 
-import io
-import math
 import os
 import re
 import traceback
-import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
 import anywidget
 import numpy as np
 import traitlets
-from PIL import Image
 
-from .draw.figure import CSS_DPI, style, symbol
+from .controls import SETTINGS, Control, controls_of, rounded
+from .draw.figure import CSS_DPI
+from .draw.overlay import Handle, Overlay
+from .draw.record import Scene
+from .draw.sketch import Motion
+from .draw.view import Together
 from .model import ModelError, System, listed, number
 from .run import Run
-from .solve import FIXED_STEP, METHODS, simulate
+from .solve import FIXED_STEP, simulate
 
-__all__ = ["Bitmap", "Control", "Panel", "View", "explore"]
+__all__ = ["Control", "Panel", "View", "explore"]
 
-SETTINGS = ("t_end", "method", "rtol", "step")
-JPEG_QUALITY = 88
+MOST = 3_000_000  # bytes of points; a picture with more of them is sent as a bitmap
 
 
 class View(Protocol):
@@ -53,145 +53,207 @@ class View(Protocol):
     def update(self, run: Run) -> None: ...
 
 
-class Bitmap:
-    """bitmap.update(run); bitmap.encode(ratio, sharp) -> (mime type, bytes): the picture of a run, only the moving artists drawn anew.
-
-    `ratio` is the number of picture pixels to one CSS pixel. `sharp` gives a PNG (the slider was let go), else a JPEG.
-    """
-
-    def __init__(self, view: View):
-        self.view, self.figure = view, view.figure
-        self.still: dict[float, Any] = {}  # ratio -> saved pixels of the still part
-
-    def update(self, run: Run) -> None:
-        same = False
-        try:
-            self.view.update(run)
-            same = not self.view.relimited
-        finally:
-            if not same:
-                self.still.clear()
-
-    def encode(self, ratio: float = 1.0, sharp: bool = True) -> tuple[str, bytes]:
-        dpi, self.figure.dpi = self.figure.dpi, CSS_DPI * ratio
-        try:
-            artists = sorted(self.view.artists, key=lambda artist: artist.get_zorder())
-            if ratio not in self.still:
-                self.still[ratio] = self._draw_still(artists)
-            renderer = self.figure.canvas.get_renderer()
-            renderer.restore_region(self.still[ratio])
-            for artist in artists:
-                artist.draw(renderer)
-            size = int(renderer.width), int(renderer.height)
-            image = Image.frombuffer("RGBX", size, bytes(renderer.buffer_rgba()), "raw", "RGBX", 0, 1)
-        finally:
-            self.figure.dpi = dpi
-        file = io.BytesIO()
-        if sharp:
-            image.convert("RGB").save(file, "PNG", compress_level=1)
-        else:
-            image.save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0)  # full colour resolution: thin coloured lines stay clean
-        return ("image/png" if sharp else "image/jpeg"), file.getvalue()
-
-    def _draw_still(self, moving: list[Any]) -> Any:
-        for artist in moving:
-            artist.set_animated(True)
-        try:
-            with style():
-                self.figure.canvas.draw()
-        finally:
-            for artist in moving:
-                artist.set_animated(False)
-        return self.figure.canvas.copy_from_bbox(self.figure.bbox)
-
-
-@dataclass
-class Control:
-    """One slider or select. `key` is "p.g", "start.y", "choice.…" or an option of simulate; a log slider has `step` in decades."""
-
-    key: str
-    group: str
-    name: str
-    index: str  # subscript of the name
-    value: float | str
-    kind: str = "slider"  # "slider", "log" or "select"
-    low: float = 0.0
-    high: float = 1.0
-    step: float = 0.01
-    unit: str = ""
-    meaning: str = ""
-    options: tuple[str, ...] = ()
-    only: str = ""  # shown with "fixed" or with "adaptive" methods only
-
-    @property
-    def ends(self) -> tuple[float | str, ...]:
-        return self.options if self.kind == "select" else (self.low, self.high)
-
-
 class Panel(anywidget.AnyWidget):
-    """Panel(title, controls, compute, view, verdict, run): the widget behind `explore`. compute(values by control key) -> Run."""
+    """Panel(title, controls, compute, view, verdict, run, presets): the widget behind `explore`. compute(values by control key) -> Run."""
 
     _esm = Path(__file__).with_name("panel.js")
     _css = Path(__file__).with_name("panel.css")
     spec = traitlets.Dict().tag(sync=True)
     first = traitlets.Bytes().tag(sync=True)  # the default run's picture, sent once: a panel is not empty while later cells run
 
-    def __init__(self, title: str, controls: list[Control], compute: Callable[[dict], Run], view: View, verdict: Callable[[Run], str], run: Run):
-        self.title, self.controls, self.compute, self.view, self.verdict, self.run = title, controls, compute, view, verdict, run
+    def __init__(self, title: str, controls: list[Control], compute: Callable[[dict], Run], view: View, verdict: Callable[[Run], str], run: Run,
+                 presets: Mapping[str, dict] | None = None):
+        self.title, self.controls, self.compute, self.verdict, self.run, self.presets = title, controls, compute, verdict, run, dict(presets or {})
         self.defaults = {control.key: control.value for control in controls}
-        self.values, self.ratio, self.bitmap, self.png = dict(self.defaults), 1.0, Bitmap(view), view.figure.png()
-        width, height = view.figure.css_size
+        self.values, self.figure, self.size, self.png = dict(self.defaults), view.figure, view.figure.css_size, view.figure.png()
+        # What follows is on the screen only: handles for the start in each plane, cursor, held run, clicked trajectories.
+        views = getattr(view, "views", (view,))
+        self.shows = [show for part in views for show in getattr(part, "shows", ())]
+        starts = [Handle(show.axes, show.x, show.names[0], meaning="start") for show in self.shows
+                  if show.plane and any(f"start.{name}" in self.defaults for name in (show.x, *show.names))]
+        self.overlay, self.handles = Overlay(self.shows), [part for part in (*views, *starts) if isinstance(part, Handle)]
+        for handle in starts:
+            handle.update(run)
+        self.view = Together(*views, self.overlay, *starts)
+        self.scene = Scene(self.view)
+        self.begun: list[dict[str, float]] = []  # start values of the clicked trajectories
+        self.home: dict[Any, tuple] = {}  # limits of the axes that the user has zoomed
+        self.t: float | None = None
+        self.inches = tuple(view.figure.get_size_inches())
+        self.words = str(verdict(run))
+        width, height = (float(CSS_DPI * inches) for inches in self.figure.get_size_inches())
         super().__init__(first=self.png, spec={
-            "title": title, "width": width, "height": height, "fixed": FIXED_STEP, "verdict": str(verdict(run)),
-            "controls": [asdict(control) for control in controls],
+            "title": title, "width": width, "height": height, "fixed": FIXED_STEP, "verdict": self.words, "alt": _in_words(view.figure, title),
+            "controls": [asdict(control) for control in controls], "presets": self.presets, "time": run.system.time, "planes": any(s.plane for s in self.shows),
+            "handles": [handle.meaning for handle in self.handles], "moves": bool(self.shows) or any(isinstance(part, Motion) for part in views),
         })
         self.on_msg(self._receive)
 
     def _repr_mimebundle_(self, **_: object) -> tuple[dict, dict]:
         """The widget view, and beside it the static picture, which is all that a saved notebook keeps."""
         data, metadata = super()._repr_mimebundle_()
-        width, height = self.view.figure.css_size
+        width, height = self.size
         return {**data, "image/png": self.png, "text/plain": repr(self)}, {**metadata, "image/png": {"width": width, "height": height}}
 
     def __repr__(self) -> str:
         return f"panel of {self.title!r}"
 
     def check(self) -> None:
-        """panel.check(): compute, update the picture and judge at both ends of every slider and at every choice; errors come out."""
-        for control in self.controls:
-            for end in control.ends:
-                try:
-                    run = self.compute(self.defaults | {control.key: end})
-                    self.bitmap.update(run)
-                    str(self.verdict(run))
-                except Exception as error:
-                    error.add_note(f"in the panel of {self.title!r}, with {control.name}{control.index} = {end}")
-                    raise
-        self._picture(self.defaults, False)
+        """panel.check(): compute, update the picture and judge at both ends of every slider, at every choice and preset; errors come out."""
+        tries = [({control.key: end}, f"{control.name}{control.index} = {end}") for control in self.controls for end in control.ends]
+        for values, words in [*tries, *((values, f"preset {name!r}") for name, values in self.presets.items())]:
+            try:
+                run = self.compute(self.defaults | values)
+                self.view.update(run)
+                str(self.verdict(run))
+            except Exception as error:
+                error.add_note(f"in the panel of {self.title!r}, with {words}")
+                raise
+        self._show(self.defaults)
+        self._picture()
+        self.scene.forget()  # nobody has seen this picture
 
-    def _picture(self, values: dict, sharp: bool) -> tuple[dict, bytes]:
-        run = self.compute(values)
-        self.bitmap.update(run)
-        mime, picture = self.bitmap.encode(self.ratio if sharp else 1.0, sharp)
-        answer = {"kind": "picture", "mime": mime, "verdict": str(self.verdict(run)), "values": values}
-        self.run, self.values = run, values
-        return answer, picture
+    # -- what the browser asks for --------------------------------------------------------------------------------------
 
     def _receive(self, _: object, message: dict, __: object) -> None:
-        """ready and set are answered with a picture, export with a sentence; what goes wrong is answered, too."""
-        buffers = []
+        """Every message gets one answer: a picture, or a sentence after an export or when something went wrong."""
+        buffers: list[bytes] = []
+        kind = message["kind"]
         try:
-            if message["kind"] == "export":
+            if kind == "export":
                 answer = {"kind": "said", "text": self.export(message["what"])}
+            elif kind not in ("ready", "set", "drag", "limits", "start", "clear", "cursor", "hold", "large"):
+                raise ModelError(f"a panel cannot {kind!r}")
             else:
-                self.ratio = min(max(float(message.get("ratio", self.ratio)), 1.0), 2.0)
-                answer, picture = self._picture(self.values | message.get("values", {}), message.get("sharp", True))
-                buffers = [picture]
+                getattr(self, f"_{kind}")(message)
+                self._resize(float(message.get("scale", 1.0)))
+                answer, buffers = self._picture(min(max(float(message.get("ratio", 1.0)), 0.3), 3.0), message.get("settled", True), kind == "ready")
         except ModelError as error:
             answer = {"kind": "error", "text": str(error)}
         except Exception as error:
             answer = {"kind": "error", "text": f"{type(error).__name__}: {error}", "trace": traceback.format_exc()}
-        self.send(answer | {key: message.get(key) for key in ("seq", "view")}, buffers)
+        self.send(answer | {key: message.get(key) for key in ("seq", "view", "settled")}, buffers)
+
+    def _ready(self, message: dict) -> None:
+        """A new page wants the whole picture."""
+
+    def _set(self, message: dict) -> None:
+        self._show((self.defaults if message.get("reset") else self.values) | message["values"])
+
+    def _drag(self, message: dict) -> None:
+        handle = self.handles[message["handle"]]
+        found, known = {}, {control.key: control for control in self.controls}
+        for name, value in handle.values(*self._data(handle.axes, message)).items():
+            key = f"p.{name}" if name in self.run.system.parameters else f"start.{name}"
+            if control := known.get(key):
+                value = float(f"{round(value / control.step) * control.step:.12g}") if control.kind == "slider" else float(value)  # a slider's round numbers
+                found[key] = min(max(value, control.low), control.high)
+            elif name in self.run.system.parameters:
+                found[key] = float(value)
+        self._show(self.values | found)
+
+    def _limits(self, message: dict) -> None:
+        """New limits, linear in pixels (of a logarithmic axis, logarithms); none: those before the first zoom."""
+        axes = self.figure.axes[message["axes"]]
+        self.home.setdefault(axes, (axes.get_xlim(), axes.get_ylim()))
+        if message["limits"] is None:
+            x, y = self.home.pop(axes)
+        else:
+            x, y = axes.transScale.inverted().transform(np.array(message["limits"], dtype=float).reshape(2, 2)).T
+            if not (np.all(np.isfinite((x, y))) and np.all(np.abs(np.subtract(*np.array([x, y]).T)) > 1e-9 * np.abs([x, y]).max(axis=1))):
+                raise ModelError("this is as far as the zoom goes")
+        axes.set(xlim=x, ylim=y)
+        self.view.update(self.run)
+
+    def _start(self, message: dict) -> None:
+        """A trajectory from a place in a plane; it stays while sliders move, until all are cleared."""
+        axes = self.figure.axes[message["axes"]]
+        show = next((show for show in self.shows if show.axes is axes and show.plane), None)
+        if show is None:
+            raise ModelError("trajectories start in a phase plane")
+        begin = dict(zip((show.x, show.names[0]), map(float, self._data(axes, message)), strict=True))
+        self._begin(self.values, [begin])  # raises when it cannot start there
+        self.begun.append(begin)
+        self.overlay.add(self._begin(self.values, self.begun))
+
+    def _begin(self, values: dict, starts: list[dict[str, float]], strict: bool = True) -> list[Run]:
+        runs = []
+        for start in starts:
+            try:
+                runs.append(self.compute(values | {f"start.{name}": value for name, value in start.items()}))
+            except ModelError:
+                if strict and len(starts) == 1:
+                    raise
+        return runs
+
+    def _clear(self, message: dict) -> None:
+        self.begun = self.begun[:len(self.begun) - message["last"]] if "last" in message else []
+        self.overlay.add(self._begin(self.values, self.begun))
+
+    def _cursor(self, message: dict) -> None:
+        """The cursor at the instant t, or where a point of a time plot is; none takes it away."""
+        t = message.get("t")
+        if "x" in message:
+            t = self._data(self.figure.axes[message["axes"]], message)[0]
+        self.t = None if t is None else float(np.clip(t, self.run.t[0], self.run.t[-1]))
+        self._point()
+
+    def _point(self) -> None:
+        if self.t is not None:
+            self.t = float(np.clip(self.t, self.run.t[0], self.run.t[-1]))
+            self.view.at(self.run, self.t)
+        self.overlay.point(self.run, self.t)
+
+    def _hold(self, message: dict) -> None:
+        self.overlay.hold(self.run if message["on"] else None)
+
+    def _large(self, message: dict) -> None:
+        """For a classroom: large type and thick lines, and limits that stay."""
+        self.figure.steady = bool(message["on"])
+
+    def _resize(self, scale: float) -> None:
+        """Type and lines relative to the picture: 1.4 times as large in a classroom, larger too where the page shows the picture at a smaller `scale`."""
+        zoom = (1.4 if self.figure.steady else 1.0) * min(max(0.85 / max(scale, 0.01), 1.0), 1.6)
+        if abs(zoom - self.scene.zoom) > 0.01:
+            self.scene.zoom = zoom
+            self.figure.set_size_inches(*((1 + 1e-9) * side / zoom for side in self.inches))
+
+    def _data(self, axes: Any, message: dict) -> tuple[float, float]:
+        """Pixels of the picture that the page shows -> data coordinates."""
+        return tuple(axes.transData.inverted().transform((message["x"], self.scene.recorder.height - message["y"])))
+
+    # -- the picture ----------------------------------------------------------------------------------------------------
+
+    def _show(self, values: dict) -> None:
+        run = self.compute(values)
+        words = str(self.verdict(run))
+        self.view.update(run)
+        self.run, self.values, self.words = run, values, words
+        if self.begun:
+            self.overlay.add(self._begin(values, self.begun, strict=False))
+        self._point()
+
+    def _picture(self, ratio: float = 1.0, settled: bool = True, everything: bool = True) -> tuple[dict, list[bytes]]:
+        message, buffers = self.scene.picture(ratio, settled, everything)
+        if len(buffers[0]) > MOST:
+            message, buffers = {"mime": "image/jpeg", "size": message["size"]}, [self.scene.bitmap()]
+        height, t = self.scene.recorder.height, self.run.t
+        times = {show.axes for show in self.shows if not show.plane}
+        planes = {show.axes for show in self.shows if show.plane}
+        axes = [{"kind": "time" if ax in times else "plane" if ax in planes else "", "box": [box.x0, height - box.y1, box.width, box.height], "home": ax not in self.home,
+                 "limits": ax.transScale.transform(np.column_stack([ax.get_xlim(), ax.get_ylim()])).ravel().tolist()} for ax in self.figure.axes for box in [ax.bbox]]
+        grips = [[float(x), float(height - y)] for handle in self.handles for x, y in [handle.axes.transData.transform(handle.at_place)]]
+        return {"kind": "picture", "verdict": self.words, "values": self.values, "axes": axes, "grips": grips, "t": self.t, "span": [float(t[0]), float(t[-1])],
+                "reading": self._reading(), "begun": len(self.begun), **message}, buffers
+
+    def _reading(self) -> str:
+        """Values at the cursor: t = 3.2 s: x = 0.31 m, v = −1 m/s; mode slip"""
+        if self.t is None:
+            return ""
+        system, values = self.run.system, self.run.at(self.t)
+        names = list(dict.fromkeys(name for show in self.shows for name in (*show.names, *([show.x] if show.plane else [])) if name in values))
+        words = ", ".join(f"{name} = {values[name]:.4g} {system.unit(name)}".strip() for name in names if np.isfinite(values[name]))
+        return f"t = {self.t:.4g} {system.time}: {words}".replace("-", "−") + (f"; {values['mode']}" if len(system.modes) > 1 else "")
 
     def export(self, what: str) -> str:
         """panel.export("csv") -> a sentence that says where the run on show went ("csv", "npz", "png"): beside the notebook.
@@ -206,8 +268,7 @@ class Panel(anywidget.AnyWidget):
         if path is None:
             raise ModelError(f"there are 999 files like {stem}.{what} already: delete some")
         if what == "png":
-            self.bitmap.update(self.run)
-            self.view.figure.save_png(path, dpi=200)
+            self.figure.save_png(path, dpi=200)
         else:
             getattr(self.run, f"to_{what}")(path)
         return f"Saved {path}"
@@ -215,10 +276,11 @@ class Panel(anywidget.AnyWidget):
 
 def explore(system: System, horizon: float, draw: Callable[[Run], View] | None = None, *, sliders: Mapping[str, object] | Iterable[str] | None = None,
             start: bool | Mapping[str, float] = True, method: bool | str = True, verdict: Callable[[Run], str] | None = None, title: str | None = None,
-            choices: Mapping[str, Mapping[str, Mapping[str, object]]] | None = None, **options: object) -> Panel:
+            choices: Mapping[str, Mapping[str, Mapping[str, object]]] | None = None, presets: Mapping[str, Mapping[str, object]] | None = None,
+            **options: object) -> Panel:
     """explore(system, horizon, draw) -> a panel of sliders and a live figure; let it be the last line of a cell.
 
-    draw      draw(run) -> a View, or a list of Views that share a figure; left out: time plot and phase portrait side by side
+    draw      draw(run) -> a View, or a list of Views that share a figure, also Handle and Motion; left out: time plot and phase portrait
     sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states, "t_end", "rtol", "step";
               or a list: only these names get a slider. A range left out comes from the Parameter or the default run
     start     True: sliders for the initial state; False: none; {"x": 2.0}: sliders that begin there
@@ -226,6 +288,7 @@ def explore(system: System, horizon: float, draw: Callable[[Run], View] | None =
     verdict   verdict(run) -> a sentence under the picture; left out: reason for stopping, events, work done
     choices   label -> option -> arguments of simulate, also "system": a select between variants, the first is the default,
               {"first branch": {"x' > 0": {"mode": "rising"}, "x' < 0": {"mode": "falling"}}}
+    presets   name -> values of parameters, start values, options: {"resonance": {"omega": 2.0}}; a button each, all else as at first
     options   what else simulate takes (points=…, rtol=…, mode=…) and values of parameters
 
     Raises ModelError for a name that the system does not have, and whatever the default run or picture raises. With
@@ -235,7 +298,7 @@ def explore(system: System, horizon: float, draw: Callable[[Run], View] | None =
     p = system.values({key: options.pop(key) for key in list(options) if key in system.parameters})._asdict()
     horizon = number(horizon, "horizon")
     settings = {"t_end": horizon, "method": method if isinstance(method, str) else "DOP853",
-                "rtol": options.pop("rtol", 1e-8), "step": options.pop("step", _rounded(horizon / 1000, 1))}
+                "rtol": options.pop("rtol", 1e-8), "step": options.pop("step", rounded(horizon / 1000, 1))}
     choices = choices or {}
     taken = {key for variants in choices.values() for arguments in variants.values() for key in arguments}  # what a choice sets has no slider
 
@@ -261,97 +324,28 @@ def explore(system: System, horizon: float, draw: Callable[[Run], View] | None =
             return False
         return True
 
-    controls += _controls(system, p, begin if start and "start" not in taken else {}, settings if method else {}, sliders, taken, run, startable)
+    controls += controls_of(system, p, begin if start and "start" not in taken else {}, settings if method else {}, sliders, taken, run, startable)
     view = (draw or _time_and_phase)(run)
-    view = _Together(*view) if isinstance(view, tuple | list) else view
-    panel = Panel(title or system.name, controls, compute, view, verdict or _verdict, run)
+    view = Together(*view) if isinstance(view, tuple | list) else view
+    for part in getattr(view, "views", ()):
+        if isinstance(part, Handle | Motion):
+            part.update(run)
+    panel = Panel(title or system.name, controls, compute, view, verdict or _verdict, run, _presets(presets or {}, system, controls))
     if os.environ.get("LABKIT_CHECK") == "1":
         panel.check()
     return panel
 
 
-def _controls(system: System, p: Mapping[str, float], begin: Mapping[str, float], settings: Mapping[str, Any], sliders: object, taken: set[str],
-              run: Run, startable: Callable[[str, float], bool]) -> list[Control]:
-    """The sliders in their groups, with the range that the author, the Parameter or the default run gives each."""
-    only = None if sliders is None or isinstance(sliders, Mapping) else [sliders] if isinstance(sliders, str) else list(sliders)
-    ranges = {} if only is not None or sliders is None else dict(sliders)
-    known = [*system.parameters, *system.units, *SETTINGS]
-    if unknown := [name for name in (only or ranges) if name not in known]:
-        raise ModelError(f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are {listed(known)}")
-    wanted = [name for name in known if (only is None or name in (*only, *SETTINGS)) and ranges.get(name, True) is not False and name not in taken]
-    controls = []
-    for name in (name for name in p if name in wanted):
-        made = system.parameters[name]
-        low, high = _span(p[name], made.low, made.high)
-        controls.append(Control(f"p.{name}", "parameters", *_symbol(name, made.symbol), p[name], low=low, high=high, unit=made.unit, meaning=made.meaning))
-    for name in (name for name in begin if name in wanted):
-        seen = np.append(run[name][np.isfinite(run[name])], begin[name])
-        reach = _rounded(1.5 * np.abs(seen).max(), 1) or 1.0
-        wide = (-reach if seen.min() < -1e-6 * reach else 0.0), (reach if seen.max() > 1e-6 * reach or seen.min() >= 0 else 0.0)  # a sign that is kept
-        here = np.append(run[name][run.mode_index == run.mode_index[0]], begin[name])  # where the run was in its first mode
-        low, high = (next(end for end in ends if end == begin[name] or startable(name, end)) for ends in
-                     ((wide[0], _rounded(here.min(), 3), float(here.min()), begin[name]), (wide[1], _rounded(here.max(), 3), float(here.max()), begin[name])))
-        meaning = system.meanings[name] or "at the start"
-        controls.append(Control(f"start.{name}", "start", *_symbol(name), begin[name], low=low, high=high, unit=system.unit(name), meaning=meaning))
-    if settings:
-        end = settings["t_end"]
-        controls += [
-            Control("t_end", "algorithm", "t", "end", end, low=_rounded(end / 10, 1), high=_rounded(2 * end, 2), unit=system.time, meaning="end of the run"),
-            Control("method", "algorithm", "method", "", settings["method"], "select", options=tuple(METHODS), meaning="how a step is made"),
-            Control("rtol", "algorithm", "rtol", "", settings["rtol"], "log", 1e-12, 1e-2, 1.0, meaning="relative tolerance", only="adaptive"),
-            Control("step", "algorithm", "h", "", settings["step"], "log", _rounded(end / 20_000, 1), _rounded(end / 20, 1), 0.1, system.time,
-                    "size of a step", only="fixed"),
-        ]
-    for control in controls:
-        name = control.key.rpartition(".")[2]
-        step = None
-        if name in ranges and ranges[name] is not True:
-            try:
-                control.low, control.high, *step = (number(limit, f"slider of {name!r}") for limit in ranges[name])
-            except TypeError:
-                raise ModelError(f"slider of {name!r} must be (low, high), (low, high, step) or False, not {ranges[name]!r}") from None
-        if control.kind != "select":
-            control.low, control.high = min(control.low, control.value), max(control.high, control.value)
-            if control.low >= control.high or (control.kind == "log" and control.low <= 0):
-                raise ModelError(f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: give sliders={{{name!r}: (low, high)}}")
-        if control.kind == "slider":
-            control.step = step[0] if step else _nice((control.high - control.low) / 250)
-    return [control for control in controls if control.key.rpartition(".")[2] in wanted]
-
-
-def _span(value: float, low: float | None, high: float | None) -> tuple[float, float]:
-    """The declared range; an end that is not declared lies near the value and, unless the value is 0, on its side of zero."""
-    near = sorted((_rounded(0.2 * value, 1), _rounded(2.5 * value, 2))) if value else (-1.0, 1.0)
-    reach = max(near[1] - near[0], abs(value))
-    below, above = (near[0] if high is None else min(near[0], high - reach)), (near[1] if low is None else max(near[1], low + reach))
-    return (below if low is None else low), (above if high is None else high)
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits - 1}e}")
-
-
-def _nice(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above the value."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return _rounded(power * max(factor for factor in (1, 2, 5) if factor <= value / power * (1 + 1e-12)), 1)
-
-
-def _symbol(name: str, latex: str | None = None) -> tuple[str, str]:
-    """_symbol("omega0") -> ("ω", "0"): letter and index as plain text for the page, from the symbol that equations and axes use."""
-    text = re.sub(r"\\(?:mathrm|text|mathit)\{([^{}]*)\}", r"\1", (latex or symbol(name)).strip("$"))
-    text = re.sub(r"\\([A-Za-z]+) ?", lambda found: _greek(found[1]), text)
-    base, _, index = text.partition("_")
-    index = index.strip("{}")
-    return (name, "") if re.search(r"[\\{}^]", base + index) else (base, index)
-
-
-def _greek(word: str) -> str:
-    size = "CAPITAL" if word[0].isupper() else "SMALL"
-    try:
-        return unicodedata.lookup(f"GREEK {size} LETTER {word.upper().replace('LAMBDA', 'LAMDA').removeprefix('VAR')}")
-    except KeyError:
-        return "\\" + word
+def _presets(presets: Mapping[str, Mapping[str, object]], system: System, controls: list[Control]) -> dict[str, dict]:
+    """Values by control key. Raises ModelError for a name that no control and no parameter has."""
+    keys = {control.key.removeprefix("start.").removeprefix("p.").removeprefix("choice."): control.key for control in controls}
+    keys = {name: f"p.{name}" for name in system.parameters} | {name: f"start.{name}" for name in system.units} | keys
+    for preset, values in presets.items():
+        if not isinstance(values, Mapping):
+            raise ModelError(f"preset {preset!r} must be a dict of names and values, not {values!r}")
+        if unknown := [name for name in values if name not in keys]:
+            raise ModelError(f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not have; there are {listed(keys)}")
+    return {preset: {keys[name]: value for name, value in values.items()} for preset, values in presets.items()}
 
 
 def _verdict(run: Run) -> str:
@@ -360,23 +354,16 @@ def _verdict(run: Run) -> str:
     kinds = ", ".join(f'{count} "{name}"' for name, count in counts.most_common(3)) + (", …" if len(counts) > 3 else "")
     events = f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})" if run.events else "no events"
     work = run.work
-    return f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}; {events}; {work.steps} steps, {_rounded(1000 * work.seconds, 2):.6g} ms, {work.backend}"
+    return f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}; {events}; {work.steps} steps, {rounded(1000 * work.seconds, 2):.6g} ms, {work.backend}"
 
 
-class _Together:
-    """_Together(view, view): several views that were drawn into one figure, as one view."""
+def _in_words(figure: Any, title: str) -> str:
+    """The alternative text of a picture: what its axes show, "x, v [m] over t [s]"."""
+    def plain(text: str) -> str:
+        return re.sub(r"\\(?:mathrm|dot)|[${}]", "", text).replace("\\", "")
 
-    def __init__(self, *views: View):
-        self.views, self.figure, self.relimited = views, views[0].figure, False
-
-    @property
-    def artists(self) -> list[Any]:
-        return [artist for view in self.views for artist in view.artists]
-
-    def update(self, run: Run) -> None:
-        for view in self.views:
-            view.update(run)
-        self.relimited = any(view.relimited for view in self.views)
+    axes = [", ".join(filter(None, [plain(ax.get_title("left")), f"{plain(ax.get_ylabel())} over {plain(ax.get_xlabel())}"])) for ax in figure.axes if ax.get_ylabel()]
+    return f"{title}: " + "; ".join(axes)
 
 
 def _time_and_phase(run: Run) -> View:
@@ -385,4 +372,4 @@ def _time_and_phase(run: Run) -> View:
     if len(run.system.states) < 2:
         return time_plot(run)
     fig = figure(1, 2, widths=[3, 2])
-    return _Together(time_plot(run, tuple(run.system.states[:2]), axes=fig.axes[0]), phase_portrait(run, axes=fig.axes[1], title=""))
+    return Together(time_plot(run, tuple(run.system.states[:2]), axes=fig.axes[0]), phase_portrait(run, axes=fig.axes[1], title=""))

@@ -12,7 +12,7 @@ import io
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from .model import ModelError, System, listed
 
-__all__ = ["Event", "Run", "Runs", "Work", "load_npz"]
+__all__ = ["Event", "Run", "Runs", "Touch", "Work", "load_npz"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,18 @@ class Event:
         pairs = [(k, self.before[k], v) for k, v in self.after.items() if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))]
         changed = ", ".join(f"{k} {old:.6g} → {new:.6g}" for k, old, new in pairs)
         return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (f"  ({changed})" if changed else "")
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A limit that was touched and not passed: run.touches[0].t, .transition, .by, the guard at its highest (0 … the transition's tolerance)."""
+
+    t: float
+    transition: str
+    by: float
+
+    def __str__(self) -> str:
+        return f"{self.t:12.6f}  {self.transition}: touched, no event (by {self.by:.3g})"
 
 
 class Events(Sequence):
@@ -88,6 +100,7 @@ class Run:
     mode     (m,) name of the mode of each sample
     run[n]   (m,) a state or output; NaN in modes that do not have it
     events   the ledger, a sequence of Event
+    touches  limits that a guard came up to without passing them, a list of Touch (the first 64)
     stopped  why it ended: "finished", 'terminal event "destroyed"', "Zeno at …"
     p        the parameters used, p.g; work: the Work done
     """
@@ -102,6 +115,7 @@ class Run:
     stopped: str
     work: Work
     pieces: np.ndarray  # one row a step: t0, h, mode, then the coefficients of its polynomial in (t − t0)/h, lowest first
+    touches: list[Touch] = field(default_factory=list)
 
     @cached_property
     def mode(self) -> np.ndarray:
@@ -160,8 +174,8 @@ class Run:
         return {key: value.tolist()[0] if np.ndim(t) == 0 else value for key, value in found.items()}
 
     def ledger(self) -> str:
-        """print(run.ledger()): the events, one a line, and why the run ended."""
-        return "\n".join([*map(str, self.events), f"{self.t[-1]:12.6f}  {self.stopped}"])
+        """print(run.ledger()): events and touched limits, one a line, and why the run ended."""
+        return "\n".join([*map(str, sorted([*self.events, *self.touches], key=lambda line: line.t)), f"{self.t[-1]:12.6f}  {self.stopped}"])
 
     def columns(self) -> dict[str, np.ndarray]:
         """run.columns() -> {"t", "j", "mode", every state, every output}: what the exports hold."""

@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "notebooks"
 NOTEBOOKS = [str(path.relative_to(FOLDER).with_suffix("").as_posix()) for path in sorted(FOLDER.rglob("*.ipynb")) if ".ipynb_checkpoints" not in path.parts]
 ASSIGNMENTS = [name for name in NOTEBOOKS if name.startswith(("part1/", "part2/", "part3/"))]
+CONCEPTS = [name for name in NOTEBOOKS if name.startswith("concepts/")]
 
 
 def read(name: str | Path) -> dict:

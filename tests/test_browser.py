@@ -1,26 +1,25 @@
 """A real JupyterLab, started as `python -m labkit` starts it, in a headless browser: run, drag, keys, save, reopen."""
 
+import base64
+import io
 import json
 import os
-import secrets
 import shutil
-import socket
-import subprocess
 import time
-import urllib.request
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from labkit.__main__ import lab_command, lab_environment
 from labkit.notebooks import WIDGET, strip
 
-from .helpers import FOLDER, NOTEBOOKS, ROOT, find_browser, source
+from .helpers import FOLDER, NOTEBOOKS, source
+from .lab import open_browser, open_notebook, run_all, running_lab
 
-FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 SMALL = "small"  # a notebook of this file, beside the real ones
 CELLS = [
     """\
-from labkit import Mode, Parameter, System, explore, time_plot
+from labkit import Mode, Parameter, System, explore, simulate, time_plot
 
 def flow(t, s, p):
     return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
@@ -35,68 +34,39 @@ def verdict(run):
     'explore(system, horizon, lambda run: time_plot(run, "x", height=3), verdict=verdict)',
 ]
 
+HANDS = """\
+from labkit import Motion, figure, phase_portrait
+
+def mechanism(sketch, s):
+    sketch.block((3 + s.x, 0.6), 1.0, 0.8, "m")
+
+def draw(run):
+    fig = figure(0, width=9, height=4)
+    grid = fig.add_gridspec(2, 2)
+    axes = [fig.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
+    return [time_plot(run, "x", axes=axes[0], title=""), Motion(axes[1], mechanism, 6, 1.5), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])]
+
+explore(system, horizon, draw, presets={"no damping": {"delta": 0.0}})
+"""
+
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
-    """Address, token and folder of a running JupyterLab over a copy of the notebooks."""
     folder = tmp_path_factory.mktemp("lab")
     shutil.copytree(FOLDER, folder / "notebooks", ignore=shutil.ignore_patterns(".ipynb_checkpoints"))
-    cells = [{"cell_type": "code", "id": f"c{k}", "metadata": {}, "execution_count": None, "outputs": [], "source": text} for k, text in enumerate(CELLS)]
-    kernel = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}}
-    (folder / "notebooks" / f"{SMALL}.ipynb").write_text(json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}), encoding="utf-8")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    token = secrets.token_hex(16)
-    own = {f"JUPYTER{key}": str(folder / "settings" / key.lower()) for key in ("_CONFIG_DIR", "_DATA_DIR", "LAB_WORKSPACES_DIR", "LAB_SETTINGS_DIR")}  # not the user's
-    environment = lab_environment() | own | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])), "LABKIT_CHECK": "0"}
-    command = lab_command("--no-browser", f"--ServerApp.port={port}", "--ServerApp.port_retries=0", f"--IdentityProvider.token={token}", folder=folder)
-    with open(folder / "server.log", "w") as log, subprocess.Popen(command, env=environment, cwd=folder, stdout=log, stderr=subprocess.STDOUT) as server:
-        try:
-            yield Lab(f"http://127.0.0.1:{port}", token, folder / "notebooks", server)
-        finally:
-            server.terminate()
-
-
-class Lab:
-    def __init__(self, address, token, folder, server):
-        self.address, self.token, self.folder, self.server = address, token, folder, server
-        begin = time.monotonic()
-        while True:
-            try:
-                self.ask("api/status")
-                return
-            except OSError:
-                if server.poll() is not None or time.monotonic() - begin > 90:
-                    raise AssertionError("JupyterLab did not start:\n" + (folder.parent / "server.log").read_text()) from None
-                time.sleep(0.2)
-
-    def ask(self, path, method="GET"):
-        request = urllib.request.Request(f"{self.address}/{path}", method=method, headers={"Authorization": f"token {self.token}"})
-        with urllib.request.urlopen(request, timeout=30) as answer:
-            return json.loads(answer.read() or "null")
-
-    def end_kernels(self):
-        for session in self.ask("api/sessions"):
-            self.ask(f"api/sessions/{session['id']}", "DELETE")
-
-    def saved(self, name):
-        return json.loads((self.folder / f"{name}.ipynb").read_text(encoding="utf-8"))
+    with running_lab(folder) as lab:
+        lab.write(SMALL, CELLS)
+        lab.write("hands", [CELLS[0], HANDS])
+        yield lab
 
 
 @pytest.fixture(scope="module")
 def browser():
-    path = find_browser()
-    if path is None:
-        message = "no Chrome, Chromium or Edge found: install one, or say where it is by LABKIT_BROWSER"
-        pytest.fail(message) if os.environ.get("CI", "").lower() == "true" else pytest.skip(message)
-    from playwright.sync_api import sync_playwright
-
-    flags = FLAGS + (["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=path, args=flags)
-        yield opened
-        opened.close()
+    try:
+        with open_browser() as browser:
+            yield browser
+    except LookupError as error:
+        pytest.fail(str(error)) if os.environ.get("CI", "").lower() == "true" else pytest.skip(str(error))
 
 
 @pytest.fixture
@@ -108,25 +78,6 @@ def page(browser, lab):
     yield page
     page.close()
     lab.end_kernels()
-
-
-def open_notebook(page, lab, name):
-    place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"  # labkit's Lab opens on the start page
-    page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
-    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
-    page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
-    assert page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
-
-
-def run_all(page):
-    """Runs all cells and waits until the last one is done."""
-    page.locator(".lm-MenuBar-item", has_text="Run").click()
-    page.get_by_text("Run All Cells", exact=True).click()
-    page.wait_for_function("""() => {
-        const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].filter((cell) => cell.querySelector('.cm-content').textContent.trim());
-        return cells.every((cell) => /\\[\\d+\\]/.test(cell.querySelector('.jp-InputPrompt').textContent));
-    }""", timeout=180_000)
-    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
 
 
 def failures(page):
@@ -161,6 +112,15 @@ def changed(panel):
         for (let i = 0; i < a.length; i += 4) count += Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2])) > 60;
         return count / (a.length / 4);
     }""")
+
+
+def shown(panel):
+    """What the canvas shows, as an array."""
+    return pixels(base64.b64decode(panel.locator("canvas").evaluate("canvas => canvas.toDataURL('image/png').split(',')[1]")))
+
+
+def pixels(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
 
 
 def drag(page, panel, part, slider=0):
@@ -223,6 +183,15 @@ def test_the_panel(page, lab):
     (panel,) = panels(page)
     value, verdict = panel.locator(".labkit-value"), panel.locator(".labkit-verdict")
     height = panel.bounding_box()["height"]
+
+    # The canvas shows what Matplotlib saves.
+    names = {}
+    exec(CELLS[0], names)
+    figure = names["time_plot"](names["simulate"](names["system"], names["horizon"]), "x", height=3).figure
+    figure.set_dpi(96)
+    figure.canvas.print_png(file := io.BytesIO())
+    off = np.abs(shown(panel) - pixels(file.getvalue()))
+    assert off.mean() <= 0.7 and (off.max(axis=2) > 32).mean() <= 0.003
 
     # Dragging: more than one picture on the way, the last one of the last value, and nothing jumps.
     remember(panel)
@@ -290,6 +259,173 @@ def test_the_panel(page, lab):
     page.locator(".jp-OutputArea img").first.wait_for()
     assert page.locator(".labkit-panel").count() == 0 and "not found" not in page.locator(".jp-Notebook").inner_text()
     assert page.problems == []
+
+
+def test_hands_and_keys(page, lab):
+    """Everything that mouse, fingers and keys do on the picture, one after the other."""
+    open_notebook(page, lab, "hands")
+    run_all(page)
+    (panel,) = panels(page)
+    canvas, reading = panel.locator("canvas"), panel.locator(".labkit-reading")
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    settled(page, panel)
+    assert canvas.get_attribute("aria-label").startswith("oscillator: ") and "x [m] over t [s]" in canvas.get_attribute("aria-label")
+    box = canvas.bounding_box()
+    height = panel.bounding_box()["height"]
+
+    def at(across, down):
+        return box["x"] + across * box["width"], box["y"] + down * box["height"]
+
+    def value(name):
+        return float(panel.locator(f'[aria-label="value of {name}"]').input_value().replace("−", "-"))
+
+    def press(*keys):
+        for key in keys:
+            page.keyboard.press(key)
+        settled(page, panel)
+
+    def push(name):
+        before = settled(page, panel)
+        panel.get_by_role("button", name=name).click()
+        pictures(page, panel, before + 1)
+        settled(page, panel)
+
+    time_plot, plane, start = at(0.25, 0.25), at(0.9, 0.3), at(0.55 + 0.44 * 0.75, 0.475)
+
+    # The cursor follows the mouse over a time plot and leaves with it; a click pins it; the keys move it.
+    page.mouse.move(*time_plot)
+    reading.filter(has_text="t = 4").wait_for()
+    page.mouse.move(*plane)
+    page.mouse.move(box["x"] + 5, box["y"] + box["height"] + 60)
+    reading.filter(has_not_text="t =").wait_for()
+    page.mouse.click(*time_plot)
+    page.mouse.move(*plane)
+    reading.filter(has_text="x = ").wait_for()
+    before = reading.inner_text()
+    press("ArrowRight", "ArrowRight")
+    assert reading.inner_text() != before and reading.inner_text().startswith("t = ")
+
+    # A click in the plane starts a trajectory; it stays while a slider moves; Delete takes it away, "n" starts one from the ring.
+    clear = panel.get_by_role("button", name="Clear")
+    assert clear.is_hidden()
+    remember(panel)
+    page.mouse.click(*plane)
+    clear.wait_for()
+    settled(page, panel)
+    assert changed(panel) > 0.001
+    drag(page, panel, 0.7, slider=1)
+    assert clear.is_visible()
+    canvas.focus()
+    press("Delete")
+    assert clear.is_hidden()
+    press("n")
+    assert clear.is_visible()
+    clear.click()
+    settled(page, panel)
+
+    # The ring is the start: the mouse drags it and the sliders follow; Enter chooses it for the arrow keys.
+    panel.get_by_role("button", name="Reset").click()
+    settled(page, panel)
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] - 40, start[1] - 30, steps=6)
+    page.mouse.up()
+    settled(page, panel)
+    assert value("x") < 0.9 and value("v") > 0.3
+    assert verdict_says_nothing_wrong(panel)
+    x = value("x")
+    press("Escape", "Enter")
+    assert panel.locator(".labkit-note[role=status]").inner_text() == "arrow keys move: the time cursor"
+    press("Enter")
+    assert panel.locator(".labkit-note[role=status]").inner_text() == "arrow keys move: start"
+    press("ArrowLeft", "ArrowLeft")
+    assert value("x") < x
+
+    # The wheel scrolls the page until the picture has the focus, then it zooms; a drag shifts; a double click goes back, and leaves no trajectory.
+    remember(panel)
+    panel.locator("input").first.focus()
+    page.mouse.move(*plane)
+    page.mouse.wheel(0, 1)
+    settled(page, panel)
+    assert changed(panel) == 0
+    canvas.focus()
+    page.mouse.wheel(0, -300)
+    page.wait_for_timeout(800)
+    settled(page, panel)
+    zoomed = changed(panel)
+    assert zoomed > 0.01
+    remember(panel)
+    page.mouse.move(*plane)
+    page.mouse.down()
+    page.mouse.move(plane[0] + 50, plane[1] + 20, steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(800)
+    settled(page, panel)
+    assert changed(panel) > 0.01 and clear.is_hidden()
+    page.mouse.dblclick(*plane)
+    settled(page, panel)
+    assert clear.is_hidden()
+    remember(panel)
+    press("a", "+")
+    page.wait_for_timeout(800)
+    settled(page, panel)
+    assert changed(panel) > 0.003
+    press("0")
+    settled(page, panel)
+    assert changed(panel) < 0.001
+
+    # Play runs the cursor through the time and moves the mechanism, alone.
+    panel.get_by_role("button", name="Play").click()
+    reading.filter(has_text="t = 1.").wait_for()
+    panel.get_by_role("button", name="Pause").click()
+    settled(page, panel)
+    before = reading.inner_text()
+    page.wait_for_timeout(300)
+    assert reading.inner_text() == before
+    canvas.focus()
+    page.keyboard.press("Space")
+    reading.filter(has_text="t = 2.").wait_for()
+    page.keyboard.press("Space")
+    settled(page, panel)
+
+    # A held run, a preset, the classroom; nothing of all this has moved the page.
+    push("Hold")
+    push("no damping")
+    assert value("δ") == 0 and value("x") == 1
+    remember(panel)
+    push("Hold")
+    assert changed(panel) > 0.001  # the ghost has gone
+    remember(panel)
+    push("Classroom")
+    assert changed(panel) > 0.01 and canvas.bounding_box()["height"] == pytest.approx(box["height"], abs=1)
+    assert panel.bounding_box()["height"] == pytest.approx(height, abs=1)
+    assert verdict_says_nothing_wrong(panel) and page.problems == []
+
+
+def verdict_says_nothing_wrong(panel):
+    return panel.locator(".labkit-error").count() == 0
+
+
+def test_fingers(page, lab, browser):
+    """A tap starts a trajectory, a finger on the ring drags it."""
+    context = browser.new_context(viewport={"width": 1100, "height": 900}, has_touch=True, device_scale_factor=2)
+    tablet = context.new_page()
+    tablet.set_default_timeout(90_000)
+    open_notebook(tablet, lab, "hands")
+    run_all(tablet)
+    (panel,) = panels(tablet)
+    canvas = panel.locator("canvas")
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    settled(tablet, panel)
+    box = canvas.bounding_box()
+    assert canvas.evaluate("canvas => canvas.width") == pytest.approx(2 * box["width"], abs=2)  # sharp on a dense screen
+    tablet.touchscreen.tap(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
+    panel.get_by_role("button", name="Clear").wait_for()
+    tablet.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.25 * box["height"])
+    panel.locator(".labkit-reading", has_text="t = 4").wait_for()
+    assert panel.locator(".labkit-error").count() == 0
+    context.close()
 
 
 @pytest.mark.parametrize("width", [700, 1300])

@@ -172,3 +172,18 @@ def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):
     monkeypatch.setattr(main, "check_python", lambda: (_ for _ in ()).throw(main.SetupError("this is Python 2")))
     assert main.main([]) == 1
     assert capsys.readouterr().err.strip() == "labkit: this is Python 2"
+
+
+# ---- one notebook as a page
+
+
+@pytest.mark.parametrize("word", ["part3/06", "part3/06_dc_dc_converter", "notebooks/part3/06_dc_dc_converter.ipynb", "06_dc"])
+def test_show_finds_the_notebook_that_is_meant(word):
+    command = main.show_command([word, "--no-browser"])
+    assert command[1:4] == ["-m", "voila", str(ROOT / "notebooks" / "part3" / "06_dc_dc_converter.ipynb")] and command[-1] == "--no-browser"
+
+
+@pytest.mark.parametrize("words, said", [([], "which notebook"), (["part9/1"], "is no notebook; say one of: .*start"), (["part3"], "is not one notebook; say one of: part3/00")])
+def test_show_says_what_there_is_when_it_is_not_clear(words, said):
+    with pytest.raises(main.SetupError, match=said):
+        main.show_command(words)

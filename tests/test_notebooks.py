@@ -13,7 +13,7 @@ from nbclient.exceptions import CellExecutionError
 from labkit import notebooks, simulate
 from labkit.notebooks import WIDGET, execute, execute_all, found, pre_save_hook, strip
 
-from .helpers import ASSIGNMENTS, FOLDER, NOTEBOOKS, code_cells, load, read, source
+from .helpers import ASSIGNMENTS, CONCEPTS, FOLDER, NOTEBOOKS, code_cells, load, read, source
 
 PICTURES = ("image/png", "image/jpeg", "image/svg+xml")
 
@@ -76,7 +76,17 @@ def test_it_states_system_and_horizon_before_the_first_picture_but_a_sketch(name
     pytest.fail("it defines no system and horizon")
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS)
+@pytest.mark.parametrize("name", CONCEPTS)
+def test_a_concept_has_its_own_headings_numbered_and_a_prediction(name):
+    """A concept follows its own thread; but it predicts before it shows, and ends with answers and tasks."""
+    text = "\n".join(source(cell) for cell in read(name)["cells"] if cell["cell_type"] == "markdown")
+    headings = re.findall(r"^## (\d+) (.+)$", text, re.MULTILINE)
+    assert len(headings) >= 4 and [int(number) for number, _ in headings] == list(range(1, len(headings) + 1))
+    assert [title for _, title in headings[-2:]] == ["The answers", "Tasks to try"]
+    assert "> **Predict" in text
+
+
+@pytest.mark.parametrize("name", ASSIGNMENTS + CONCEPTS)
 def test_it_has_a_panel_and_answers_that_nbval_compares(name):
     cells = code_cells(read(name))
     checked = [cell for cell in cells if "# NBVAL_CHECK_OUTPUT" in source(cell)]

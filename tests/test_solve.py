@@ -288,6 +288,21 @@ def test_touching_a_limit_is_no_event_within_the_tolerance():
     assert destroyed(1e-6, 1.00001) == 'terminal event "destroyed"'
 
 
+@pytest.mark.parametrize("backend", BOTH)
+def test_touched_limits_are_reported(backend):
+    """x = a sin t comes up to 1 every 2π: passed by 1e-8, exactly touched, missed by 1e-8; the tolerance is 1e-6."""
+    system = systems.oscillator(transitions=[Transition("motion", "motion", guard=lambda t, s, p: s.x - 1, direction=1, tolerance=1e-6, label="limit")])
+    peaks = np.pi / 2 + 2 * np.pi * np.arange(5)
+    for amplitude, seen in ((1 + 1e-8, 5), (1 + 5e-7, 5), (1 - 1e-8, 0), (0.9, 0), (1 + 2e-6, 0)):
+        run = simulate(system, 30.0, start={"x": 0.0, "v": amplitude}, rtol=1e-12, atol=1e-13, backend=backend)
+        assert len(run.touches) == seen, amplitude
+        assert len(run.events) == (5 if amplitude > 1 + 1e-6 else 0)
+        if seen:
+            assert np.allclose([touch.t for touch in run.touches], peaks, atol=1e-4)  # a peak's place is known to the root of rounding
+            assert np.allclose([touch.by for touch in run.touches], amplitude - 1, atol=1e-10)
+            assert "touched, no event" in run.ledger()
+
+
 def test_terminal_event_ends_the_output():
     system = systems.oscillator(transitions=[Transition("motion", None, guard=lambda t, s, p: s.x, direction=-1, label="through")])
     run = simulate(system, 10.0, rtol=1e-11, atol=1e-13)
@@ -427,6 +442,25 @@ def test_events_are_as_accurate_as_the_tolerance(method, rtol, bound, backend):
     assert len(run.events) == len(switches)
     assert max(abs(event.t - when) for event, (when, _) in zip(run.events, switches, strict=True)) < bound
     assert abs(run.final["x"] - x) < bound
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-10])
+def test_dop853_is_good_between_its_steps_too(rtol):
+    """A mildly stiff node: the ends of its long steps are right, and without a look at the polynomial what lies between is wrong by 1e-4 at rtol 1e-8."""
+    node = System("node", states={"x": "", "y": ""}, parameters={}, start={"x": 1.0, "y": 2.0}, modes=[Mode("m", lambda t, s, p: (-0.1 * s.x, -2.6 * s.y + 2.5 * s.x))])
+    run = simulate(node, 40.0, rtol=rtol, atol=rtol, points=2000)
+    exact = np.exp(-0.1 * run.t) + np.exp(-2.6 * run.t)
+    assert abs(run["y"] - exact).max() < 30 * rtol
+    assert run.work.steps < 60  # and it is no matter of tiny steps
+
+
+def test_fixed_steps_keep_the_clock():
+    """A thousand steps of a thousandth are a thousand steps, and the flow is advanced by what the clock shows."""
+    run = simulate(systems.oscillator(), 7.3, method="RK4")
+    assert run.work.steps == 1000
+    clock = System("clock", states={"c": ""}, parameters={}, start={"c": 0.0}, modes=[Mode("m", lambda t, s, p: (1.0,))])
+    run = simulate(clock, 1e5, method="Euler", step=0.1, points=2)
+    assert abs(run.final["c"] - 1e5) < 1e-8
 
 
 def test_runs_end_with_a_named_reason_and_keep_what_there_is():

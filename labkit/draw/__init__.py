@@ -6,10 +6,12 @@
 """
 
 from .figure import COLORS, Figure, figure, mode_colors
+from .overlay import Handle
 from .phase import PhasePortrait, direction_field, equilibria, guard_lines, nullclines, phase_portrait, trajectories
-from .sketch import Sketch
+from .planes import Planes, planes
+from .sketch import Motion, Sketch
 from .time import TimePlot, time_plot
 from .view import View
 
-__all__ = ["COLORS", "Figure", "PhasePortrait", "Sketch", "TimePlot", "View", "direction_field", "equilibria", "figure", "guard_lines", "mode_colors", "nullclines",
-           "phase_portrait", "time_plot", "trajectories"]
+__all__ = ["COLORS", "Figure", "Handle", "Motion", "PhasePortrait", "Planes", "Sketch", "TimePlot", "View", "direction_field", "equilibria", "figure", "guard_lines",
+           "mode_colors", "nullclines", "phase_portrait", "planes", "time_plot", "trajectories"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 
 from ..model import ModelError
@@ -36,8 +36,8 @@ class Layer(View):
     @property
     def shape(self) -> float:
         """Width of the axes over their height, on paper."""
-        box, (width, height) = self.axes.get_position(), self.figure.get_size_inches()
-        return float(box.width * width / (box.height * height))
+        box = self.axes.bbox  # get_position() would declare the axes changed
+        return float(box.width / box.height)
 
     def _add(self, artist: Any) -> Any:
         self.axes.add_artist(artist)
@@ -158,8 +158,8 @@ class Equilibria(Layer):
 
     def _free_corner(self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]) -> tuple[int, int]:
         """The corner of a mark where its words meet neither the edge of the picture nor words that are there; sizes are estimates."""
-        box, (width, height) = self.axes.get_position(), self.figure.get_size_inches()
-        w, h = 0.075 * letters / (box.width * width), 0.36 / (box.height * height)
+        dpi = self.figure.dpi
+        w, h = 0.075 * letters * dpi / self.axes.bbox.width, 0.36 * dpi / self.axes.bbox.height
         corners = [(side, up, min(x, x + side * w), min(y, y + up * h)) for up in (1, -1) for side in (1, -1)]
 
         def clashes(a: float, b: float) -> float:
@@ -259,7 +259,12 @@ class Trajectories(Layer):
         alone = len(self.keys) == 1
         self.jumps = self._add(Line2D([], [], color=INK, linewidth=1.1 if bold else 0.6, alpha=0.8 if bold else 0.5, linestyle=(0, (3, 2)), zorder=z - 0.1))
         colors = {key: (INK if bold else color) if alone else color for key, color in self.colors.items()}
-        self.lines = [self._add(Line2D([], [], color=color, linewidth=width, alpha=1.0 if bold else 0.85, zorder=z)) for color in colors.values()]
+        look = {"linewidth": width, "alpha": 1.0 if bold else 0.85, "zorder": z}
+        if isinstance(runs, Runs):  # strokes of their own: one that crosses itself a thousand times would take far longer to paint
+            made: list[Any] = [LineCollection([], colors=[color], capstyle="round", joinstyle="round", **look) for color in colors.values()]
+        else:
+            made = [Line2D([], [], color=color, **look) for color in colors.values()]
+        self.lines = [self._add(line) for line in made]
         self.heads = self._add(PolyCollection([], linewidths=0, zorder=z + 0.1, closed=True))
         self.head_colors = np.array(list(colors.values()))
         self.starts = self._add(Line2D([], [], linestyle="none", marker="o", markersize=6 if bold else 3.2, markerfacecolor="white", markeredgecolor=INK,
@@ -290,7 +295,11 @@ class Trajectories(Layer):
         for i, line in enumerate(self.lines):
             here = np.flatnonzero(mode == i)
             cuts = np.flatnonzero((np.diff(here) > 1) | jumping[here[:-1]]) + 1
-            line.set_data(np.insert(x[here], cuts, np.nan), np.insert(y[here], cuts, np.nan))
+            parts = np.split(np.column_stack([x[here], y[here]]), cuts)
+            if isinstance(line, LineCollection):
+                line.set_segments(parts)
+            else:
+                line.set_data(*_strung(parts))
         self.starts.set_data(X[:, 0], Y[:, 0])
         if self.arrows:
             self._put_arrows(X, Y, modes)

@@ -18,7 +18,7 @@ from ..run import Run, Runs
 from .figure import FAINT, head, style
 from .layers import DirectionField, Equilibria, GuardLines, Layer, Nullclines, Trajectories, layer, stage
 from .plane import GRID, Limits, Plane
-from .view import View, Window, _proper, extent
+from .view import Shows, View, Window, _proper, extent
 
 __all__ = ["PhasePortrait", "direction_field", "equilibria", "guard_lines", "nullclines", "phase_portrait", "trajectories"]
 
@@ -107,6 +107,7 @@ class PhasePortrait(View):
             limits = _around(shown or [simulate(system, t + self.horizon, t0=t, **self.options, **plane.p._asdict())], plane)
         self.axes = stage(plane, axes, limits, width, height)
         self.figure = self.axes.get_figure()
+        self.shows = [Shows(self.axes, plane.x, (plane.y,))]
         self._windows = [Window(self.axes, which, *pair, margin=0) for which, pair in zip("xy", limits, strict=True)]
         if isinstance(many, int) and many:
             self.starts = self._spread(many, limits)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from types import BuiltinFunctionType, CellType, CodeType, FunctionType, SimpleNamespace
 
 import numpy as np
 from contourpy import contour_generator
@@ -46,6 +48,7 @@ class Plane:
         self.p = system.values() if p is None else p
         self._templates: dict[str, tuple[list, int, int]] = {}
         self._kept: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
+        self._wide: dict[Callable, Callable] = {}
 
     def is_plane(self, mode: str) -> bool:
         """True when the mode has no states beside the two, so that its equilibria and nullclines lie in the plane."""
@@ -71,6 +74,8 @@ class Plane:
         same as one by one, which is tried), else one by one: model functions may branch or use math.sin."""
         x, y, t = np.ravel(X).astype(float), np.ravel(Y).astype(float), self.t if t is None else t
         state, p = self._state, self.p
+        if function not in self._wide:
+            self._wide[function] = over_arrays(function)
 
         def one(i: int) -> tuple:
             try:
@@ -84,7 +89,7 @@ class Plane:
         if len(x) > 16:
             try:
                 with np.errstate(all="ignore"):
-                    value = function(t, state(mode, x, y), p)
+                    value = self._wide[function](t, state(mode, x, y), p)
                     result = np.array([np.broadcast_to(np.asarray(v, dtype=float), x.shape) for v in (value if width > 1 else (value,))])
                 probe = np.linspace(0, len(x) - 1, 7).astype(int)
                 if np.allclose(result[:, probe].T, [one(i) for i in probe], rtol=1e-12, atol=0, equal_nan=True):
@@ -158,6 +163,38 @@ class Plane:
     def guard_depends_on_time(self, transition: Transition, mode: str, limits: Limits) -> bool:
         X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
         return not np.allclose(self.guard(transition, mode, X, Y), self.guard(transition, mode, X, Y, self.t + 1.2345), rtol=1e-9, atol=0, equal_nan=True)
+
+
+_NUMPY = {name: getattr(np, name) for name in dir(math) if not name.startswith("_") and hasattr(np, name)}
+
+
+def over_arrays(function: Callable, depth: int = 4) -> Callable:
+    """over_arrays(f) -> f with NumPy's functions in the place of those of `math`, in its helpers too: a hundred times as fast over a grid.
+
+    Whether it gives the same as f itself is for the caller to try: a branch, for one, does not work on arrays.
+    """
+    if not isinstance(function, FunctionType) or not depth:
+        return function
+
+    def swapped(value: object) -> object:
+        if value is math:
+            return SimpleNamespace(**_NUMPY)
+        if isinstance(value, BuiltinFunctionType) and value.__module__ == "math":
+            return _NUMPY.get(value.__name__, value)
+        return over_arrays(value, depth - 1) if isinstance(value, FunctionType) else value
+
+    names = {name: swapped(value) for name, value in function.__globals__.items() if name in _names_in(function.__code__)}
+    try:
+        cells = tuple(CellType(swapped(cell.cell_contents)) for cell in function.__closure__ or ())
+    except ValueError:  # a cell that is still empty
+        return function
+    made = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__, function.__defaults__, cells)
+    made.__kwdefaults__ = function.__kwdefaults__
+    return made
+
+
+def _names_in(code: CodeType) -> set[str]:
+    return set(code.co_names).union(*(_names_in(part) for part in code.co_consts if isinstance(part, CodeType)))
 
 
 def grid(limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,20 +10,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, radians, sin
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Rectangle
+from matplotlib.text import Text
 
 from ..model import ModelError
 from .figure import COLORS, FAINT, HALO, INK, figure, style
 from .view import View
 
-__all__ = ["Box", "Sketch", "Span"]
+__all__ = ["Box", "Motion", "Sketch", "Span"]
 
 Point = tuple[float, float]
 FILL = "#EAF2F8"
@@ -338,3 +342,62 @@ def _direction(start: Point, end: Point) -> tuple[Point, Point]:
     if length < 1e-9:
         raise ModelError(f"a piece of a sketch needs two different points, not {start!r} twice")
     return (dx / length, dy / length), (-dy / length, dx / length)
+
+
+class Motion(View):
+    """Motion(axes, draw, width, height): a sketch that moves with the run, in axes of a figure; it goes into the list that a panel's `draw` returns.
+
+        def draw(sketch, s):                                # s.t, s.mode, states and outputs of that instant, and the parameters s.p
+            sketch.pendulum((3, 2.5), 2, degrees(s.phi))
+        Motion(fig.axes[2], draw, 6, 3)
+
+    The sketch is `width` × `height`, in coordinates of its own, y upwards; it has the methods of a Sketch. Labels cost time: one or two.
+    """
+
+    def __init__(self, axes: Axes, draw: Callable[[Sketch, Any], object], width: float = 6.0, height: float = 3.0):
+        self.axes, self.figure, self.draw = axes, axes.get_figure(), draw
+        axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+        axes.axis("off")
+        self.pieces = _Pieces(axes)
+        axes.add_artist(self.pieces)
+        self.artists = [self.pieces]
+
+    def update(self, run: Any) -> None:
+        self.at(run, run.t[0])
+
+    def at(self, run: Any, t: float) -> None:
+        sketch = Sketch.__new__(Sketch)  # on these axes, not on a figure of its own
+        self.pieces.clear()
+        sketch.axes, sketch.figure, sketch.artists = self.pieces, self.figure, []
+        self.draw(sketch, SimpleNamespace(**run.at(t), t=t, p=run.p))
+        self.pieces.stale = True
+
+
+class _Pieces(Artist):
+    """Many artists as one, that can be replaced without declaring the axes changed; takes what a Sketch adds."""
+
+    def __init__(self, axes: Axes):
+        super().__init__()
+        self.host, self.all = axes, []
+        self.set_in_layout(False)
+
+    def clear(self) -> None:
+        self.all = []
+
+    def add_line(self, artist: Any) -> Any:
+        artist.set_figure(self.host.get_figure())
+        artist.axes, artist.stale_callback = self.host, None
+        if not artist.is_transform_set():
+            artist.set_transform(self.host.transData)
+        self.all.append(artist)
+        return artist
+
+    add_patch = add_artist = add_line
+
+    def text(self, x: float, y: float, s: str, **options: Any) -> Any:
+        return self.add_line(Text(x, y, s, **options))
+
+    def draw(self, renderer: Any) -> None:
+        for artist in sorted(self.all, key=lambda artist: artist.get_zorder()):
+            artist.draw(renderer)
+        self.stale = False

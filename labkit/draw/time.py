@@ -21,7 +21,7 @@ from matplotlib.path import Path
 from ..model import ModelError, System, listed
 from ..run import Run, Runs
 from .figure import COLORS, DASHES, FAINT, INK, Figure, figure, head, label, mode_colors, style, symbol, tint
-from .view import View, Window, extent
+from .view import Shows, View, Window, extent
 
 __all__ = ["TimePlot", "time_plot"]
 
@@ -54,6 +54,7 @@ class TimePlot(View):
             if name not in self.system.units and name not in self.system.outputs:
                 raise ModelError(f"{name!r} is neither a state nor an output of {self.system.name!r}; there are {listed([*self.system.units, *self.system.outputs])}")
         self.figure, self.axes = _panels(axes, len(self.groups), width, height)
+        self.shows = [Shows(ax, "t", group) for ax, group in zip(self.axes, self.groups, strict=True)]
         alone = len(runs) == 1
         self._modes = [_Modes(ax, self.system) for ax in self.axes] if modes and alone and len(self.system.modes) > 1 and isinstance(runs[0], Run) else []
         self._events = [_Events(ax) for ax in self.axes] if events and alone and isinstance(runs[0], Run) else []

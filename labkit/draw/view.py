@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,20 @@ from matplotlib.axes import Axes
 
 from .figure import Figure
 
-__all__ = ["View", "Window"]
+__all__ = ["Shows", "Together", "View", "Window"]
+
+
+@dataclass(frozen=True)
+class Shows:
+    """Shows(axes, "t", ("x", "v")): the quantity to the right, "t" or a state, and those upwards, states or outputs."""
+
+    axes: Axes
+    x: str
+    names: tuple[str, ...]
+
+    @property
+    def plane(self) -> bool:
+        return self.x != "t"
 
 
 class View:
@@ -20,11 +35,17 @@ class View:
     view.update(run)    shows another run (or runs), by changing the data of the artists that are there
     view.artists        the artists that update() changes, in drawing order; all others stay as they are
     view.relimited      the last update() moved the limits or other still parts: the rest must be drawn again as well
+    view.shows          what its axes show, as far as a cursor, a click or a held run can use it
+    view.at(run, t)     shows an instant of a run (a mechanism in its place)
     """
 
     figure: Figure
     artists: list[Artist]
     relimited: bool = False
+    shows: Sequence[Shows] = ()
+
+    def at(self, run: Any, t: float) -> None:
+        """Nothing, for a picture that does not move in time."""
 
     def update(self, run: Any) -> None:
         raise NotImplementedError
@@ -39,11 +60,36 @@ class View:
         return self.figure._repr_mimebundle_()
 
 
+class Together(View):
+    """Together(view, view): several views that were drawn into one figure, as one view."""
+
+    def __init__(self, *views: View):
+        self.views, self.figure = views, views[0].figure
+
+    @property
+    def artists(self) -> list[Artist]:  # type: ignore[override]
+        return [artist for view in self.views for artist in view.artists]
+
+    @property
+    def shows(self) -> list[Shows]:  # type: ignore[override]
+        return [show for view in self.views for show in getattr(view, "shows", ())]
+
+    def update(self, run: Any) -> None:
+        for view in self.views:
+            view.update(run)
+        self.relimited = any(view.relimited for view in self.views)
+
+    def at(self, run: Any, t: float) -> None:
+        for view in self.views:
+            if hasattr(view, "at"):
+                view.at(run, t)
+
+
 class Window:
     """Window(axes, "y", low, high): limits of one axis, with a margin (a share of the range) around the data's low … high.
 
     `fit(low, high)` widens them when data leave (by `room`, a share too, so that a dragged slider does not move them at each
-    picture), and narrows them again, never below the first ones, when they would fill less than a half. A user's own zoom is left alone.
+    picture), and narrows them again, never below the first ones, when they would fill less than a half. A user's own zoom is left alone, and all in a figure that is `steady`.
     """
 
     def __init__(self, axes: Axes, which: str, low: float, high: float, margin: float = 0.07, room: float = 0.2):
@@ -61,7 +107,7 @@ class Window:
 
     def fit(self, low: float, high: float) -> bool:
         """window.fit(low, high) -> True when the limits had to move. Values that are not finite are ignored."""
-        if not (np.isfinite(low) and np.isfinite(high)) or self._shown() != self.now:
+        if not (np.isfinite(low) and np.isfinite(high)) or self._shown() != self.now or getattr(self.axes.get_figure(), "steady", False):
             return False
         room = self.room * max(high - low, self.first[1] - self.first[0])
         wanted = (min(low - room, self.first[0]) if low < self.first[0] else self.first[0],

@@ -19,7 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..model import At, Every, ModelError, System, listed, number
-from ..run import Event, Events, Run, Runs, Work
+from ..run import Event, Events, Run, Runs, Touch, Work
 from . import core
 from .backend import addresses, compiled, core_is_kept, load_core
 from .functions import Plain, check_functions, orientations
@@ -190,7 +190,7 @@ class _Settings:
             "leave_from": np.cumsum([0, *map(len, leave)]), "leave": sum(leave, []),
             "source": np.array([[m in tr.sources for m in modes] for tr in trs]).reshape(len(trs), len(modes)),
             "target": [-1 if tr.target is None else self.place[tr.target] for tr in trs], "zeno": [-1 if tr.zeno is None else self.place[tr.zeno] for tr in trs],
-            "directed": [tr.direction != 0 for tr in trs], "urgent": [urgent[tr.urgent] for tr in trs], "rank": np.argsort(order),
+            "directed": [tr.direction != 0 for tr in trs], "urgent": [urgent[tr.urgent] for tr in trs], "rank": np.argsort(order), "tolerance": [tr.tolerance for tr in trs],
             "plan": [system.transitions.index(tr) for tr in self.plans], "plan_from": np.cumsum([0, *instants]),
         }
         interpolant = (np.zeros((self.degree, 1)),) * 2 if self.external else (table.W.T, table.Q)  # SciPy's methods bring their own
@@ -471,9 +471,10 @@ class _Batch:
     def as_run(self, p: tuple, began: float) -> Run:
         st, i = self.settings, self.w.i
         out, ledger = self.rows("out", i[core.OUT]), self.rows("ledger", i[core.LEDGER])
+        touches = np.array(self.w.touch)[: i[core.TOUCHES]].tolist()
         work = Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), len(ledger), 0.0, st.method, "plain" if self.code is None else "compiled")
         run = Run(st.system, p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], Events(len(ledger), lambda: _events(st, ledger)),
-                  self.reason(0), work, self.rows("pieces", i[core.PIECES]))
+                  self.reason(0), work, self.rows("pieces", i[core.PIECES]), [Touch(t, st.system.transitions[int(who)].name, by) for t, who, by in touches])
         object.__setattr__(work, "seconds", perf_counter() - began)
         return run
 

@@ -85,6 +85,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
     for j in range(n):
         state = max(state, abs(w.poly[0][j]))
     floor = 8.0 * EPS * state  # a guard is not known better than this
+    w.near[k] = 1
+    slack = 0.0 if watched(w, mode, k) < 0 else 2.0 * w.tolerance[watched(w, mode, k)]
     looks = 0
     while depth > 0:
         depth -= 1
@@ -113,6 +115,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                 low, high = min(low, value[j]), max(high, value[j])
             clear = abs(low + high) - LEBESGUE * (high - low) - 8.0 * misfit
             if clear > 32.0 * EPS * max(abs(low), abs(high)) and (low > 0.0) == (side > 0):
+                if width == 1.0 and clear > slack:
+                    w.near[k] = 0
                 continue
         for j in range(top + 1):
             total = 0.0
@@ -234,3 +238,38 @@ def find_event(model, w, p, mode, n, t, h, entry):
                 chosen = k
             latest = max(latest, w.root[k])
     return (latest if w.root[chosen] >= 0.0 else w.root[chosen]), chosen
+
+
+def note_touches(model, w, p, mode, n, t, h, until):
+    """Notes in w.touch where, before θ = until, a guard came up to its limit and turned back: above −tolerance, but not through zero.
+
+    (The tolerance is in the guard already: zero is where the event is, −tolerance is the limit itself.) Among the samples of
+    the step a peak stands out; golden section finds its top.
+    """
+    state = 0.0
+    for j in range(n):
+        state = max(state, abs(w.poly[0][j]))
+    for k in range(watch_count(w, mode)):
+        transition = watched(w, mode, k)
+        if w.near[k] == 0 or transition < 0 or w.directed[transition] == 0:
+            continue
+        reach = w.tolerance[transition] + 8.0 * EPS * state
+        last = w.i[PROXY]
+        for j in range(w.i[ENTRY], last + 1):  # a peak beside the seam of two steps stands out at the end of both, but lies in one
+            here = w.at_node[j][k]
+            before, after = w.at_node[max(j - 1, 0)][k], w.at_node[min(j + 1, last)][k]
+            if here > 0.0 or here < before or here < after or 2.0 * here - min(before, after) < -reach or w.i[TOUCHES] == MOST_TOUCHES:
+                continue
+            first, end = w.node[max(j - 1, 0)], min(w.node[min(j + 1, last)], until)
+            a, b = first, end
+            for _ in range(50):
+                left, right = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
+                if guard_at(model, w, p, mode, n, t, h, left, k) > guard_at(model, w, p, mode, n, t, h, right, k):
+                    b = right
+                else:
+                    a = left
+            top = guard_at(model, w, p, mode, n, t, h, 0.5 * (a + b), k)
+            if -reach <= top <= 0.0 and a > first and b < end:
+                line = w.touch[w.i[TOUCHES]]
+                line[0], line[1], line[2] = t + 0.5 * (a + b) * h, transition, top + w.tolerance[transition]
+                w.i[TOUCHES] += 1

@@ -1,0 +1,159 @@
+"""What a similarity transformation does to a linear system: the canonical z-plane and the s-plane side by side.
+
+    planes(run, parts)         # parts(p) -> Λ, (S, S⁻¹) for the parameters of a run
+    explore(system, horizon, lambda run: planes(run, parts))
+
+The model's own motion is drawn on both sides: s(t) as it was simulated, and z(t) = S⁻¹ (s − s*).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from ..linear import affine, borders, eigenlines, equilibrium, exact
+from ..model import ModelError
+from ..run import Run
+from ..similarity import Similarity
+from .figure import COLORS, INK, figure, head, style, symbol, tint
+from .view import View
+
+__all__ = ["Planes", "planes"]
+
+Parts = Callable[[tuple], tuple[np.ndarray, Similarity]]
+#: a letter F, since no turn makes it its mirror image; for a picture that reaches from −6 to 6
+FLAG = np.array([(0, 0), (0, 2), (1.2, 2), (1.2, 1.65), (0.4, 1.65), (0.4, 1.25), (0.9, 1.25), (0.9, 0.9), (0.4, 0.9), (0.4, 0)]) + 0.5
+
+
+def planes(run: Run, parts: Parts, reach: float | tuple[float, float] = 4.0, axes: tuple[Axes, Axes] | None = None, width: float = 9.5, height: float = 4.9) -> Planes:
+    """planes(run, parts) -> Planes: trajectories, lattice, a letter F and the eigenvectors in z, and their images under S in s.
+
+    run     of a linear model; drawn bold in both planes
+    parts   parts(run.p) -> Λ, (S, S⁻¹) with A = S Λ S⁻¹
+    reach   half the width of the pictures, in both planes or (z, s); the s-plane follows the equilibrium
+    Raises ModelError when S Λ S⁻¹ is not the matrix that the model itself has.
+    """
+    return Planes(run, parts, reach, axes, width, height)
+
+
+class Planes(View):
+    """The picture made by `planes`; view.axes are the two. See View for update, artists and relimited."""
+
+    def __init__(self, run: Run, parts: Parts, reach: float | tuple[float, float], axes: tuple[Axes, Axes] | None, width: float, height: float):
+        self.parts, self.system = parts, run.system
+        self.reach = (float(reach),) * 2 if isinstance(reach, int | float) else tuple(map(float, reach))
+        self.axes = tuple(figure(1, 2, width, height).axes) if axes is None else axes
+        self.figure = self.axes[0].get_figure()
+        self._sides = [_Side(ax) for ax in self.axes]
+        self.artists = [artist for side in self._sides for artist in side.artists]
+        self._center: np.ndarray | None = None
+        first, second = self.system.states
+        Lambda = self.parts(run.p)[0]
+        single = eigenlines(Lambda) and not _star(Lambda)
+        with style():
+            head(self.axes[0], "z-plane: canonical", [(self._sides[0].eigen, "eigenvectors")] if single else [])
+            head(self.axes[1], "s-plane: through S", [(self._sides[1].run, "simulated")])
+            self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
+            self.axes[1].set(xlabel=symbol(first), ylabel=symbol(second))
+        for ax in self.axes:
+            ax.set_aspect("equal", adjustable="box")
+            ax.grid(False)
+        self.update(run)
+
+    def update(self, run: Run) -> None:
+        A, b = affine(run.system, run.p)
+        Lambda, (S, inverse) = self.parts(run.p)
+        if np.abs(S @ Lambda @ inverse - A).max() > 1e-9 * max(1.0, float(np.abs(A).max())) * max(1.0, float(np.abs(S).max())) ** 2:
+            raise ModelError(f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of {run.system.name!r}, {A.round(6).tolist()}: check the parts")
+        rest = equilibrium(A, b)
+        curves, arrows = _flow(np.asarray(Lambda, dtype=float), self.reach[0])
+        own = ((run.values[:, :2] - rest) @ inverse.T, run.values[:, :2])
+        for side, reach, T, origin, path in zip(self._sides, self.reach, (np.eye(2), S), (np.zeros(2), rest), own, strict=True):
+            side.set(T, origin, np.asarray(Lambda, dtype=float), curves, arrows, path, reach, self.reach[0] / 6)
+        half = self.reach[1] / 2
+        self.relimited = self._center is None or bool(np.abs(rest - self._center).max() > half)  # seldom: it costs a new still part
+        if self.relimited:
+            self._center = half * np.round(rest / half)
+            for ax, reach, (x, y) in zip(self.axes, self.reach, ((0.0, 0.0), self._center), strict=True):
+                ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
+
+
+class _Side:
+    """One plane: what is drawn in it, and how it follows a transformation s = T z + origin."""
+
+    def __init__(self, ax: Axes):
+        def line(**look: object) -> Line2D:
+            return ax.add_line(Line2D([], [], **look))  # type: ignore[arg-type]
+
+        self.lattice = line(color=tint(COLORS[5], 0.45), linewidth=0.7, zorder=1)
+        self.flag = ax.add_patch(Polygon(FLAG, closed=True, facecolor=tint(COLORS[4], 0.55), edgecolor="none", zorder=1.2))
+        self.curves = line(color=COLORS[0], linewidth=1.0, zorder=2)
+        self.arrows = line(color=COLORS[0], linewidth=1.4, zorder=2.1)
+        self.eigen = line(color=COLORS[1], linewidth=2.0, linestyle=(0, (6, 2)), zorder=2.2)
+        self.run = line(color=INK, linewidth=2.2, zorder=3)
+        self.start = line(color=INK, marker="o", markersize=7, markerfacecolor="white", markeredgewidth=1.6, linestyle="none", zorder=3.2)
+        self.rest = line(color=INK, marker="o", markersize=6, linestyle="none", zorder=3.1)
+        self.artists = [self.lattice, self.flag, self.curves, self.arrows, self.eigen, self.run, self.rest, self.start]
+
+    def set(self, T: np.ndarray, origin: np.ndarray, Lambda: np.ndarray, curves: np.ndarray, arrows: np.ndarray, path: np.ndarray, reach: float, unit: float) -> None:
+        def show(line: Line2D, points: np.ndarray) -> None:
+            line.set_data(*(points @ T.T + origin).T)
+
+        show(self.lattice, _lattice())
+        self.flag.set_xy(unit * FLAG @ T.T + origin)
+        show(self.curves, curves)
+        at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
+        self.arrows.set_data(*(_heads(at, way, 0.05 * reach) + origin).T)
+        lines = [] if _star(Lambda) else [v for _, v in eigenlines(Lambda)]
+        show(self.eigen, np.concatenate([np.outer((-1e3, 1e3, np.nan), v) for v in lines]) if lines else np.zeros((0, 2)))
+        self.run.set_data(*path.T)
+        self.start.set_data(*path[:1].T)
+        self.rest.set_data(*origin[:, None])
+
+
+def _star(Lambda: np.ndarray) -> bool:
+    return borders(Lambda)["star"] < 1e-9  # every direction is an eigenvector
+
+
+def _lattice() -> np.ndarray:
+    """Lines z1 = k and z2 = k, k = −9 … 9, with NaN between them."""
+    k, far, up = np.arange(-9, 10.0), np.array([-9, 9, np.nan]), np.array([1, 1, np.nan])
+    level = np.stack([np.broadcast_to(far, (19, 3)), np.outer(k, up)], axis=2).reshape(-1, 2)
+    return np.concatenate([level, level[:, ::-1]])
+
+
+def _flow(Lambda: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exact trajectories, forwards and backwards from points on a circle (of a centre: on a ray), NaN between; and the points with arrows."""
+    a, square = np.trace(Lambda) / 2, (Lambda[0, 0] - Lambda[1, 1]) ** 2 / 4 + Lambda[0, 1] * Lambda[1, 0]
+    turns = np.sqrt(max(-square, 0.0))  # rad/s
+    spin = turns > 0 and abs(a) < turns / 8
+    if spin:  # one turn each; where a turn changes the radius visibly, the end of one curve is the beginning of another
+        turn = 2 * np.pi * abs(a) / turns
+        radii = 1.35 * np.exp(-np.arange(0, 2.5, turn / max(1, round(turn / 0.25)))) if turn > 0.1 else np.linspace(0.15, 1.35, 9)
+        starts = reach * np.column_stack([radii, np.zeros(len(radii))])
+    else:
+        count = 8 if turns else 16
+        angle = (np.arange(count) + 0.5) * 2 * np.pi / count
+        starts = 0.62 * reach * np.column_stack([np.cos(angle), np.sin(angle)])
+    values = a + np.sqrt(max(square, 0.0)) * np.array([1, -1])  # the eigenvalues, or their real part
+    if turns:
+        span = min(4 / (abs(a) + 1e-12), 2 * np.pi / turns * (0.5 if spin else 1.5))
+        t = np.linspace(-1, 1, 161) * span
+    else:
+        t = np.linspace(-1, 1, 91) ** 3 * 4.5 / np.abs(values).min()  # closely spaced near the start: one eigenvalue may be much faster
+        t = t[np.outer(values, t).max(axis=0) < 300]
+    z = exact(Lambda, (0.0, 0.0), starts, t)
+    z[np.abs(z).max(axis=2) > 8 * reach] = np.nan
+    return np.concatenate([z, np.full((len(z), 1, 2), np.nan)], axis=1).reshape(-1, 2), starts
+
+
+def _heads(at: np.ndarray, way: np.ndarray, size: float) -> np.ndarray:
+    """Arrow heads as open strokes, NaN between."""
+    length = np.hypot(*way.T)[:, None]
+    way = size * way / np.where(length > 0, length, 1)
+    side = 0.5 * way[:, ::-1] * (-1, 1)
+    return np.stack([at - way + side, at, at - way - side, np.full_like(at, np.nan)], axis=1).reshape(-1, 2)

@@ -1,0 +1,294 @@
+"""What Matplotlib draws, as strokes that a browser can repeat: one set of artists for the screen and for print.
+
+    scene = Scene(view)
+    message, buffers = scene.picture(ratio=2.0)       # everything at first, then only what has changed since
+    Recorder(agg)                                     # the renderer alone: artist.draw(recorder); recorder.take()
+
+A message says {"size": [width, height], "order": [part, …], "ops": {part: [op, …]}}, `order` only when the still part is new. Parts are
+drawn in that order: "s0" is the still background, "s1", "s2", … are the other still pieces, "m0", "m1", … the moving artists. Points are
+pixels of the device, y downwards, in one float32 buffer; (NaN, 0) lifts the pen, (NaN, 1) closes the stroke. An op has
+  n                   number of its points; and with them stroke, width, dash, cap, join, fill, clip [x, y, width, height]
+  apart               each stroke is laid over those before it, where otherwise all of them make one shape
+  at                  the stroke is a marker: its number of places, which follow its n points
+  image [x, y, w, h]  a bitmap of the second buffer: of one channel, the cover of the colour `fill` (text), or "rgba"
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from functools import partial
+from math import floor
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backend_bases import GraphicsContextBase, RendererBase
+from matplotlib.backends.backend_agg import RendererAgg
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D, Transform
+from PIL import Image
+
+from .figure import CSS_DPI, style
+
+__all__ = ["Recorder", "Scene"]
+
+
+class Recorder(RendererBase):
+    """Recorder(agg): a Matplotlib renderer of the size and resolution of a RendererAgg that notes strokes instead of drawing them.
+
+    Paths are cleaned as Agg does it (no NaN, cut off outside, snapped to pixels, simplified); curves become polylines. What has no
+    counterpart here (images, hatches, clipping by a curve, shaded triangles) Agg draws, and a bitmap of it is noted.
+    """
+
+    def __init__(self, agg: RendererAgg):
+        super().__init__()
+        self.agg, self.width, self.height, self.dpi = agg, agg.width, agg.height, agg.dpi
+        self.flip = Affine2D().scale(1, -1).translate(0, self.height)
+        self.get_text_width_height_descent = agg.get_text_width_height_descent
+        self.get_canvas_width_height, self.points_to_pixels = agg.get_canvas_width_height, agg.points_to_pixels
+        self.images: dict[tuple, tuple] = {}  # text as bitmaps, the newest ones
+        self._apart = False
+        self.take()
+
+    def take(self) -> tuple[list[dict], list[np.ndarray], list[bytes]]:
+        """recorder.take() -> ops, their points and their bitmaps since the last call."""
+        taken = getattr(self, "ops", []), getattr(self, "points", []), getattr(self, "bitmaps", [])
+        self.ops, self.points, self.bitmaps = [], [], []
+        return taken
+
+    # -- strokes --------------------------------------------------------------------------------------------------------
+
+    def draw_path(self, gc: GraphicsContextBase, path: Path, transform: Transform, rgbFace: Any = None) -> None:
+        if gc.get_hatch() or gc.get_clip_path()[0] is not None:
+            return self._by_agg(lambda agg: agg.draw_path(gc, path, transform, rgbFace))
+        look, width = self._look(gc, rgbFace)
+        if look:
+            margin = width + 2
+            x, y, w, h = look["clip"] if "clip" in look and "dash" not in look else (0, 0, self.width, self.height)  # a cut begins a dash anew
+            area = None if rgbFace is not None else (x - margin, y - margin, x + w + margin, y + h + margin)
+            self._note(look | ({"apart": True} if self._apart else {}), _polyline(path, transform + self.flip, gc, width, area))
+
+    def draw_markers(self, gc: GraphicsContextBase, marker_path: Path, marker_trans: Transform, path: Path, trans: Transform, rgbFace: Any = None) -> None:
+        if gc.get_clip_path()[0] is not None or gc.get_hatch():
+            return self._by_agg(lambda agg: agg.draw_markers(gc, marker_path, marker_trans, path, trans, rgbFace))
+        look, width = self._look(gc, rgbFace)
+        vertices = path.vertices if path.codes is None else path.vertices[np.isin(path.codes, (Path.MOVETO, Path.LINETO))]
+        places = (trans + self.flip).transform(vertices)
+        x, y, w, h = look.get("clip", (0, 0, self.width, self.height))
+        reach = 3 * self.dpi  # no marker is wider
+        with np.errstate(invalid="ignore"):
+            seen = (places[:, 0] > x - reach) & (places[:, 0] < x + w + reach) & (places[:, 1] > y - reach) & (places[:, 1] < y + h + reach)
+        places = np.floor(places[seen] + 0.5)  # as Agg does it
+        if look and len(places):
+            shape = _polyline(marker_path, marker_trans + Affine2D().scale(1, -1), gc, width, None)
+            plain = marker_path.cleaned(marker_trans, curves=False, snap=False)
+            snapped = marker_path.cleaned(marker_trans, curves=False, snap=gc.get_snap(), stroke_width=width)
+            if np.array_equal(plain.vertices, snapped.vertices):  # else it lies on the pixels already
+                places += 0.5
+            self._note({**look, "at": len(places)}, shape, places)
+
+    def draw_path_collection(self, gc: GraphicsContextBase, master_transform: Transform, paths: list[Path], all_transforms: Any, offsets: Any, offset_trans: Any,
+                             facecolors: Any, edgecolors: Any, linewidths: Any, linestyles: Any, *rest: Any, **more: Any) -> None:
+        several = len(paths) > 1 and not len(all_transforms) and not np.any(offset_trans.transform(offsets)) and not gc.get_hatch()
+        if several and not len(facecolors) and all(len(one) == 1 for one in (edgecolors, linewidths, linestyles)) and all(path.codes is None for path in paths):
+            gc.set_foreground(edgecolors[0], isRGBA=True)
+            gc.set_linewidth(linewidths[0])
+            gc.set_dashes(*linestyles[0])
+            self._apart = True
+            points = np.concatenate([part for path in paths for part in (path.vertices, _UP)])
+            self.draw_path(gc, Path(points), master_transform)
+            self._apart = False
+        elif several and len(facecolors) and not np.any(linewidths) and all(path.codes is not None for path in paths):
+            colors, which = np.unique(np.resize(np.asarray(facecolors), (len(paths), 4)), axis=0, return_inverse=True)
+            gc.set_linewidth(0)
+            for k, color in enumerate(colors):  # plain areas of one colour in one stroke
+                self.draw_path(gc, Path.make_compound_path(*(path for path, i in zip(paths, which.ravel(), strict=True) if i == k)), master_transform, tuple(color))
+        else:
+            super().draw_path_collection(gc, master_transform, paths, all_transforms, offsets, offset_trans, facecolors, edgecolors, linewidths, linestyles, *rest, **more)
+
+    def _look(self, gc: GraphicsContextBase, face: Any) -> tuple[dict[str, Any], float]:
+        """The style of an op (empty: it leaves no trace), and the width that snapping goes by."""
+        rgb, width = gc.get_rgb(), self.points_to_pixels(gc.get_linewidth())
+        look: dict[str, Any] = {}
+        if face is not None and (alpha := gc.get_alpha() if gc.get_forced_alpha() or len(face) == 3 else face[3]) > 0:
+            look["fill"] = to_hex((*face[:3], alpha), keep_alpha=True)
+        if width > 0 and rgb[3] > 0:
+            look |= {"stroke": to_hex(rgb, keep_alpha=True), "width": width, "cap": _CAPS[gc.get_capstyle()], "join": gc.get_joinstyle()}
+            offset, dashes = gc.get_dashes()
+            if dashes:
+                look["dash"] = [self.points_to_pixels(offset), *(self.points_to_pixels(d) for d in dashes)]
+        return (look | self._clip(gc) if look else look), (width if rgb[3] > 0 else 0.0)
+
+    def _clip(self, gc: GraphicsContextBase) -> dict[str, Any]:
+        box = gc.get_clip_rectangle()
+        if box is None:
+            return {}
+        left, right = (min(max(floor(x + 0.5), 0), int(self.width)) for x in (box.x0, box.x1))
+        top, bottom = (min(max(floor(self.height - y + 0.5), 0), int(self.height)) for y in (box.y1, box.y0))
+        return {"clip": [left, top, right - left, bottom - top]}
+
+    def _note(self, look: dict[str, Any], *points: np.ndarray) -> None:
+        if len(points[0]):
+            self.ops.append({**look, "n": len(points[0])})
+            self.points.extend(points)
+
+    # -- bitmaps --------------------------------------------------------------------------------------------------------
+
+    def draw_text(self, gc: GraphicsContextBase, x: float, y: float, s: str, prop: Any, angle: float, ismath: Any = False, mtext: Any = None) -> None:
+        left, top = floor(x), floor(y)
+        key = (s, hash(prop), angle, gc.get_rgb(), ismath, round(64 * (x - left)), round(64 * (y - top)))  # Agg sets letters to 1/64 of a pixel
+        if key not in self.images:
+            width, height, descent = self.get_text_width_height_descent(s, prop, ismath)
+            corners = Affine2D().rotate_deg(-angle).transform([(a, b) for a in (-2, width + 3) for b in (-height - 3, descent + 3)])
+            (x0, y0), (x1, y1) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
+            own = self.new_gc()
+            own.copy_properties(gc)
+            own.set_clip_rectangle(None)
+            agg = RendererAgg(x1 - x0 + 2, y1 - y0 + 2, self.dpi)
+            (agg.draw_tex if ismath == "TeX" else partial(agg.draw_text, ismath=ismath))(own, x - left - x0, y - top - y0, s, prop, angle, mtext=mtext)
+            if len(self.images) > 500:
+                self.images.clear()
+            self.images[key] = _cut(np.asarray(agg.buffer_rgba()), int(x0), int(y0))
+        image, dx, dy = self.images[key]
+        self._note_image(image[..., 3], left + dx, top + dy, {"fill": to_hex(gc.get_rgb()), **self._clip(gc)})
+
+    def draw_image(self, gc: GraphicsContextBase, x: float, y: float, im: np.ndarray, transform: Any = None) -> None:
+        self._by_agg(lambda agg: agg.draw_image(gc, x, y, im))
+
+    def draw_gouraud_triangles(self, gc: GraphicsContextBase, triangles: Any, colors: Any, transform: Transform) -> None:
+        self._by_agg(lambda agg: agg.draw_gouraud_triangles(gc, triangles, colors, transform))
+
+    def draw_tex(self, gc: GraphicsContextBase, x: float, y: float, s: str, prop: Any, angle: float, *, mtext: Any = None) -> None:
+        self.draw_text(gc, x, y, s, prop, angle, "TeX", mtext)
+
+    def _by_agg(self, draw: Callable[[RendererAgg], object]) -> None:
+        agg = RendererAgg(self.width, self.height, self.dpi)
+        draw(agg)
+        self._note_image(*_cut(np.asarray(agg.buffer_rgba()), 0, 0), {"rgba": True})
+
+    def _note_image(self, image: np.ndarray, x: int, y: int, look: dict[str, Any]) -> None:
+        if image.size:
+            self.ops.append({**look, "image": [x, y, image.shape[1], image.shape[0]]})
+            self.bitmaps.append(image.tobytes())
+
+
+_UP = np.full((1, 2), np.nan)
+_CAPS = {"butt": "butt", "round": "round", "projecting": "square"}
+
+
+def _polyline(path: Path, transform: Transform, gc: GraphicsContextBase, width: float, area: tuple[float, float, float, float] | None) -> np.ndarray:
+    """The cleaned path as points (n, 2), a NaN in x where the pen goes up (y = 0) or the stroke is closed (y = 1). No area: nothing is cut off."""
+    clean = path.cleaned(transform, remove_nans=True, clip=area, simplify=path.should_simplify and area is not None, curves=False,
+                         stroke_width=width, snap=gc.get_snap(), sketch=gc.get_sketch_params())
+    points, codes = clean.vertices[:-1], clean.codes[:-1]  # the last one says stop
+    closed = codes == Path.CLOSEPOLY
+    points[closed] = np.nan, 1.0
+    return np.insert(points, np.flatnonzero((codes[1:] == Path.MOVETO) & ~closed[:-1]) + 1, (np.nan, 0.0), axis=0)
+
+
+def _cut(pixels: np.ndarray, x: int, y: int) -> tuple[np.ndarray, int, int]:
+    """The part of a bitmap that shows something, and its corner."""
+    rows, columns = (np.flatnonzero(pixels[..., 3].any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return pixels[:0, :0].copy(), x, y
+    return pixels[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1].copy(), x + int(columns[0]), y + int(rows[0])
+
+
+def _fix_colors(artist: Artist) -> None:
+    """Lines look up a colour of the cycle, "C1", whenever they are drawn; entering the house style for each picture would take longer than drawing it."""
+    if isinstance(artist, Line2D):
+        for part in ("color", "markerfacecolor", "markeredgecolor"):
+            if isinstance(color := getattr(artist, f"get_{part}")(), str) and color[:1] == "C" and color[1:].isdigit():
+                getattr(artist, f"set_{part}")(to_hex(color))
+
+
+class Scene:
+    """Scene(view): the figure of a view as messages for a canvas; of its moving artists only those that were changed are drawn again.
+
+    scene.picture(ratio)    -> message, buffers: what has changed; `ratio` is the number of device pixels to one CSS pixel
+    Anything else that changes (limits, a title) is noticed by Matplotlib's own `stale`; then all is drawn again. Axes keep their places, so that
+    nothing jumps under the hand, until `settled` asks for a new layout. `everything` says that nothing is known there yet.
+    """
+
+    def __init__(self, view: Any):
+        self.view, self.figure = view, view.figure
+        self.artists: list[Artist] = []
+        self.changed: set[Artist] = set()
+        self.ratio, self.zoom, self.still, self.placed = 0.0, 1.0, False, True
+        self.figure.stale_callback = lambda figure, value: self.forget()
+
+    def forget(self) -> None:
+        self.still = False
+
+    def picture(self, ratio: float = 1.0, settled: bool = True, everything: bool = False) -> tuple[dict[str, Any], list[bytes]]:
+        if ratio * self.zoom != self.ratio:
+            self.ratio = ratio * self.zoom
+            self.figure.dpi = CSS_DPI * self.ratio
+            self.recorder = Recorder(self.figure.canvas.get_renderer())
+            self.forget()
+        if self.artists != (artists := list(self.view.artists)):
+            self.artists = artists
+            with style():
+                for artist in artists:
+                    _fix_colors(artist)
+                    artist.stale_callback = lambda artist, value: self.changed.add(artist)  # and not the figure's business
+            self.forget()
+        message: dict[str, Any] = {"size": [int(self.recorder.width), int(self.recorder.height)]}
+        parts: dict[str, tuple] = {}
+        again = not self.still or (settled and not self.placed)
+        if again:
+            self._draw_still(settled)
+        if again or everything:
+            message["order"], parts, self.changed = self.order, dict(self.parts), set(artists)
+        for k, artist in enumerate(artists):
+            if artist in self.changed:
+                if not isinstance(artist, Line2D) or len(artist.get_xdata(orig=True)):
+                    artist.draw(self.recorder)
+                parts[f"m{k}"] = self.recorder.take()
+        self.changed.clear()
+        message["ops"] = {name: part[0] for name, part in parts.items()}
+        points = [array for part in parts.values() for array in part[1]]
+        return message, [np.concatenate(points).astype("<f4").tobytes() if points else b"", b"".join(image for part in parts.values() for image in part[2])]
+
+    def bitmap(self) -> bytes:
+        """scene.bitmap() -> the whole picture as JPEG, drawn by Agg: for pictures with more points than a browser can stroke in time."""
+        renderer = self.figure.canvas.get_renderer()
+        with style():
+            self.figure.draw(renderer)
+        image, file = Image.frombuffer("RGBA", (int(renderer.width), int(renderer.height)), renderer.buffer_rgba(), "raw", "RGBA", 0, 1), io.BytesIO()
+        image.convert("RGB").save(file, "JPEG", quality=88, subsampling=0)  # full colour resolution: thin coloured lines stay clean
+        self.forget()
+        return file.getvalue()
+
+    def _draw_still(self, settled: bool) -> None:
+        """Lets the figure draw itself; where it comes to a moving artist, a new part begins."""
+        recorder = self.recorder
+        recorder.take()
+        self.parts: dict[str, tuple] = {}
+        self.order: list[str] = []
+
+        def keep() -> None:
+            if recorder.ops:
+                self.order.append(f"s{len(self.parts)}")
+                self.parts[self.order[-1]] = recorder.take()
+
+        def hold(name: str, renderer: Any) -> None:
+            if renderer is recorder:  # else the layout measures
+                keep()
+                self.order.append(name)
+
+        for k, artist in enumerate(self.artists):
+            artist.draw = partial(hold, f"m{k}")  # type: ignore[method-assign]
+        self.figure.frozen = not settled
+        try:
+            with style():
+                self.figure.draw(recorder)
+        finally:
+            self.figure.frozen = False
+            for artist in self.artists:
+                del artist.draw
+        keep()
+        self.still, self.placed = True, settled

@@ -1,0 +1,194 @@
+"""Equilibria made to measure: canonical forms, the four similarity transformations of part 1, and whether a design meets its task.
+
+    A, b = design(canonical("stable node", -1, -3), matrix_a(u=(0, 1), v=(2, 0)), at=(1, 2))
+    check_design(A, b, S, "stable node", "matrix A")  # prints what is right and what is wrong, in words
+
+A = S Λ S⁻¹ has the eigenvalues of Λ, and so its type; b = −A s* puts the equilibrium at s*. In z = S⁻¹ (s − s*) the motion
+is canonical, dz/dt = Λ z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, sin
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .linear import E, borders, classify, eigenvalues, equilibrium, finite
+from .model import ModelError, listed, number
+
+__all__ = ["Review", "Similarity", "canonical", "check_design", "design", "matrix_a", "matrix_b", "reflection", "rotation"]
+
+
+_NEEDS = {
+    "node": (2, "two different {sign} eigenvalues λ1, λ2"), "star": (1, "one {sign} number λ0"), "improper node": (1, "one {sign} number λ0"),
+    "spiral point": (2, "α {sign} and β not zero"), "saddle": (2, "one positive and one negative eigenvalue"), "centre": (1, "β not zero"),
+}
+
+
+def canonical(kind: str, *numbers: float) -> np.ndarray:
+    """canonical("stable node", -1, -3) -> Λ = diag(−1, −3). Kinds as `classify` names them; "elliptic point" is a centre.
+
+    node, saddle: (λ1, λ2) -> diag(λ1, λ2) · star: (λ0) -> λ0 E · improper node: (λ0) -> [[λ0, 0], [1, λ0]] ·
+    spiral point: (α, β) -> [[α, β], [−β, α]] · centre: (β). Raises ModelError, with the type that they would make, for numbers that do not fit.
+    """
+    kind = _kind(kind)
+    un, _, base = kind.rpartition("stable ")
+    count, need = _NEEDS[base]
+    need = need.format(sign="positive" if un else "negative")
+    if len(numbers) != count:
+        raise ModelError(f"{_a(kind)} takes {count} number{'s' * (count > 1)} ({need}), not {len(numbers)}")
+    x, y = (number(value, f"a number of the {kind}") for value in (numbers if count == 2 else numbers * 2))
+    special = {"improper node": [[x, 0], [1, x]], "spiral point": [[x, y], [-y, x]], "centre": [[0, x], [-x, 0]]}
+    Lambda = np.array(special.get(base, [[x, 0], [0, y]]), dtype=float)
+    if (made := classify(Lambda)) != kind:
+        raise ModelError(f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; {_a(kind)} needs {need}")
+    return Lambda
+
+
+def _kind(kind: str) -> str:
+    known = [*(f"{s}stable {k}" for k in _NEEDS if k not in ("saddle", "centre") for s in ("", "un")), "saddle", "centre"]
+    name = {"elliptic point": "centre", "stable spiral": "stable spiral point", "unstable spiral": "unstable spiral point"}.get(kind, kind)
+    if name not in known:
+        raise ModelError(f"there is no type {kind!r}; there are {listed(known)}")
+    return name
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
+class Similarity(NamedTuple):
+    """S, inverse = matrix_a(u, v): a similarity transformation, z = S⁻¹ (s − s*), and its inverse in closed form."""
+
+    S: np.ndarray
+    inverse: np.ndarray
+
+
+def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
+    """matrix_a(u=(0, 1), v=(2, 0)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ, a shear along u. Raises ModelError unless (u, v) = 0."""
+    u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
+    d = float(u @ v)
+    if abs(d) > 1e-12 * np.hypot(*u) * np.hypot(*v):
+        raise ModelError(f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the inverse of E + u vᵀ. "
+                         f"Take v = k (u2, −u1) with any k, or use matrix_b, which allows it")
+    return Similarity(E + np.outer(u, v), E - np.outer(u, v))
+
+
+def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
+    """matrix_b(u=(1, 0), v=(2, 1)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ/(1 + d), d = (u, v). Raises ModelError for d = −1.
+
+    det S = 1 + d: areas grow by this factor, and for d < −1 the plane is turned over as well.
+    """
+    u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
+    d = float(u @ v)
+    if abs(1 + d) <= 1e-12 * (1 + np.hypot(*u) * np.hypot(*v)):
+        raise ModelError("matrix B needs (u, v) ≠ −1: at −1 it maps u to 0 and presses the whole plane flat on one line, so it has no inverse")
+    return Similarity(E + np.outer(u, v), E - np.outer(u, v) / (1 + d))
+
+
+def reflection(u: ArrayLike) -> Similarity:
+    """reflection(u=(1, -1)) -> S = S⁻¹ = E − γ u uᵀ, γ = 2/(uᵀu), Householder's: the mirror line is at right angles to u ≠ 0."""
+    u = finite(u, (2,), "u")
+    if not np.any(u):
+        raise ModelError("a reflection needs u ≠ 0: u stands at right angles to the mirror line")
+    u = u / np.abs(u).max()
+    H = E - 2 / (u @ u) * np.outer(u, u)
+    return Similarity(H, H)
+
+
+def rotation(phi: float) -> Similarity:
+    """rotation(np.pi/6) -> S = [[cos φ, −sin φ], [sin φ, cos φ]], Givens', and S⁻¹ = Sᵀ; φ in radians, counter-clockwise."""
+    phi = number(phi, "phi")
+    G = np.array([[cos(phi), -sin(phi)], [sin(phi), cos(phi)]])
+    return Similarity(G, G.T)
+
+
+def design(Lambda: ArrayLike, similarity: Similarity, at: ArrayLike = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
+    """A, b = design(canonical("saddle", 1, -2), rotation(0.5), at=(1, 2)): A = S Λ S⁻¹ and b = −A s* put the equilibrium s* there."""
+    A = similarity[0] @ finite(Lambda, (2, 2), "Lambda") @ similarity[1]
+    return A, -A @ finite(at, (2,), "at")
+
+
+# ---- does a design meet its task?
+
+
+@dataclass(frozen=True)
+class Review:
+    """What `check_design` found: review.passed, review.remarks (True or False, sentence); it prints itself, and counts as True or False."""
+
+    remarks: tuple[tuple[bool, str], ...]
+
+    @property
+    def passed(self) -> bool:
+        return all(good for good, _ in self.remarks)
+
+    def __bool__(self) -> bool:
+        return self.passed
+
+    def __repr__(self) -> str:
+        lines = [f"{'✓' if good else '✗'} {text}" for good, text in self.remarks]
+        return "\n".join([*lines, "The task is met." if self.passed else "Not yet: mend the lines marked ✗."])
+
+
+def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, at: ArrayLike | None = None, tolerance: float = 1e-9) -> Review:
+    """check_design(A, b, S, "stable node", "matrix A") -> Review: do A, b and S meet an assignment of part 1, and if not, why?
+
+    Looks at the type of A, the equilibrium (and whether it lies `at` the wanted point), the form of S (`by` is "matrix A", "matrix B",
+    "reflection" or "rotation") and whether S⁻¹ A S is the canonical form. Raises ModelError for input that is not 2 × 2 or a name that is unknown.
+    """
+    A, b, S, kind = finite(A, (2, 2), "A"), finite(b, (2,), "b"), finite(S, (2, 2), "S"), _kind(kind)
+    if by not in ("matrix A", "matrix B", "reflection", "rotation"):
+        raise ModelError(f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', 'reflection', 'rotation'")
+    made = classify(A, tolerance)
+    values = ", ".join(f"{value:.4g}" if value.imag else f"{value.real:.4g}" for value in eigenvalues(A))
+    remarks = [(made == kind, f"type: {made} (eigenvalues {values})" + ("" if made == kind else f", but the task asks for: {kind}"))]
+    try:
+        rest = equilibrium(A, b) + 0.0  # no -0
+        there = at is None or bool(np.allclose(rest, finite(at, (2,), "at"), rtol=1e-6, atol=1e-6))
+        wanted = "" if there else " and not at ({:g}, {:g}): b must be −A s*".format(*at)  # type: ignore[misc]
+        remarks.append((there, f"equilibrium at ({rest[0]:.4g}, {rest[1]:.4g}){wanted}"))
+    except ModelError as error:
+        remarks.append((False, str(error)))
+    good, text = _form(S, by, tolerance)
+    remarks.append((good, text))
+    if borders(S)["det A = 0"] > tolerance:
+        L, other = np.linalg.solve(S, A @ S), S @ A @ np.linalg.inv(S)
+        slack = 10 * tolerance * float(np.abs(A).max() + 1) * np.linalg.cond(S)
+        fault = _not_canonical(L, kind, slack)
+        swapped = " (S A S⁻¹ is: S and S⁻¹ have changed places)" if fault and not _not_canonical(other, kind, slack) else ""
+        rows = "[[{:.4g}, {:.4g}], [{:.4g}, {:.4g}]]".format(*(np.where(np.abs(L) < slack, 0.0, L)).ravel())
+        remarks.append((not fault, f"S⁻¹ A S = {rows}" + (f" is not the canonical form: {fault}{swapped}" if fault else ", the canonical form")))
+    return Review(tuple(remarks))
+
+
+def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
+    """Is S of the form that its name says? With S = E + u vᵀ the matrix S − E has determinant 0 and trace (u, v)."""
+    N, slack = S - E, tolerance * max(1.0, float(np.abs(S).max())) ** 2
+    d, rest = float(np.trace(N)), float(N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0])
+    note = " (S = E changes nothing: choose another one to see something)" if np.abs(N).max() <= slack else ""
+    if by in ("reflection", "rotation"):
+        if np.abs(S.T @ S - E).max() > slack:
+            return False, f"S is no {by}: its columns are not unit vectors at right angles, SᵀS = {np.round(S.T @ S, 4).tolist()}"
+        turns = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0] > 0
+        return turns == (by == "rotation"), f"S is a {'rotation' if turns else 'reflection'} (det S = {1 if turns else -1})" + note
+    if abs(rest) > slack:
+        return False, f"S is not E + u vᵀ: S − E would have determinant 0, and has {rest:.4g}"
+    if by == "matrix A":
+        zero = abs(d) <= slack
+        return zero, f"S = E + u vᵀ with (u, v) = {0 if zero else d:.4g}" + (note if zero else ", which matrix A needs to be 0 (this is matrix B)")
+    return abs(1 + d) > slack, f"S = E + u vᵀ with d = (u, v) = {d:.4g}" + (note if abs(1 + d) > slack else ": no inverse exists")
+
+
+def _not_canonical(L: np.ndarray, kind: str, slack: float) -> str:
+    """What is wrong with L as the canonical form of this kind; "" when nothing is."""
+    (w, x), (y, z) = L.tolist()
+    if "spiral" in kind or kind == "centre":
+        return "" if abs(w - z) <= slack and abs(x + y) <= slack else "it should read [[α, β], [−β, α]]"
+    if abs(x) > slack:
+        return f"the upper right entry is {x:.4g} and should be 0"
+    if "improper" in kind:
+        return "" if abs(y - 1) <= slack else f"the lower left entry is {y:.4g} and should be 1"
+    return "" if abs(y) <= slack else f"the lower left entry is {y:.4g} and should be 0"

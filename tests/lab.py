@@ -1,0 +1,105 @@
+"""A JupyterLab over a folder of notebooks, started as `python -m labkit` starts it, and a browser: for tests and benchmarks.
+
+    with running_lab(folder) as lab, open_browser() as browser: …      # folder/notebooks holds the notebooks
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import socket
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+from labkit.__main__ import lab_command, lab_environment
+
+from .helpers import ROOT, find_browser
+
+FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
+KERNEL = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}}
+
+
+class Lab:
+    def __init__(self, address: str, token: str, folder: Path, server: subprocess.Popen):
+        self.address, self.token, self.folder, self.server = address, token, folder, server
+        begin = time.monotonic()
+        while True:
+            try:
+                self.ask("api/status")
+                return
+            except OSError:
+                if server.poll() is not None or time.monotonic() - begin > 90:
+                    raise AssertionError("JupyterLab did not start:\n" + (folder.parent / "server.log").read_text()) from None
+                time.sleep(0.2)
+
+    def ask(self, path: str, method: str = "GET"):
+        request = urllib.request.Request(f"{self.address}/{path}", method=method, headers={"Authorization": f"token {self.token}"})
+        with urllib.request.urlopen(request, timeout=30) as answer:
+            return json.loads(answer.read() or "null")
+
+    def end_kernels(self) -> None:
+        for session in self.ask("api/sessions"):
+            self.ask(f"api/sessions/{session['id']}", "DELETE")
+
+    def saved(self, name: str) -> dict:
+        return json.loads((self.folder / f"{name}.ipynb").read_text(encoding="utf-8"))
+
+    def write(self, name: str, cells: list[str]) -> None:
+        made = [{"cell_type": "code", "id": f"c{k}", "metadata": {}, "execution_count": None, "outputs": [], "source": text} for k, text in enumerate(cells)]
+        (self.folder / f"{name}.ipynb").write_text(json.dumps({"cells": made, "metadata": KERNEL, "nbformat": 4, "nbformat_minor": 5}), encoding="utf-8")
+
+
+@contextlib.contextmanager
+def running_lab(folder: Path) -> Iterator[Lab]:
+    """Address, token and folder of a JupyterLab with settings of its own, not the user's."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    token = secrets.token_hex(16)
+    own = {f"JUPYTER{key}": str(folder / "settings" / key.lower()) for key in ("_CONFIG_DIR", "_DATA_DIR", "LAB_WORKSPACES_DIR", "LAB_SETTINGS_DIR")}
+    environment = lab_environment() | own | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])), "LABKIT_CHECK": "0"}
+    command = lab_command("--no-browser", f"--ServerApp.port={port}", "--ServerApp.port_retries=0", f"--IdentityProvider.token={token}", folder=folder)
+    with open(folder / "server.log", "w") as log, subprocess.Popen(command, env=environment, cwd=folder, stdout=log, stderr=subprocess.STDOUT) as server:
+        try:
+            yield Lab(f"http://127.0.0.1:{port}", token, folder / "notebooks", server)
+        finally:
+            server.terminate()
+
+
+@contextlib.contextmanager
+def open_browser() -> Iterator:
+    """A headless browser of this computer. Raises LookupError when there is none."""
+    path = find_browser()
+    if path is None:
+        raise LookupError("no Chrome, Chromium or Edge found: install one, or say where it is by LABKIT_BROWSER")
+    from playwright.sync_api import sync_playwright
+
+    flags = FLAGS + (["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=flags)
+        yield opened
+        opened.close()
+
+
+def open_notebook(page, lab: Lab, name: str) -> None:
+    place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"  # labkit's Lab opens on the start page
+    page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
+    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
+    page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
+    assert page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
+
+
+def run_all(page) -> None:
+    """Runs all cells and waits until the last one is done."""
+    page.locator(".lm-MenuBar-item", has_text="Run").click()
+    page.get_by_text("Run All Cells", exact=True).click()
+    page.wait_for_function("""() => {
+        const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].filter((cell) => cell.querySelector('.cm-content').textContent.trim());
+        return cells.every((cell) => /\\[\\d+\\]/.test(cell.querySelector('.jp-InputPrompt').textContent));
+    }""", timeout=180_000)
+    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()

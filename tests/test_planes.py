@@ -1,0 +1,85 @@
+"""The picture of a similarity transformation: its data, and that it cannot disagree with the model."""
+
+import numpy as np
+import pytest
+
+from labkit import Mode, ModelError, System, canonical, matrix_a, matrix_b, planes, reflection, rotation, simulate
+
+CASES = {
+    "node": (canonical("stable node", -1, -3), matrix_a((1, 0.5), (-0.5, 1))), "saddle": (canonical("saddle", 1, -2), reflection((1, 3))),
+    "centre": (canonical("centre", 2), rotation(0.7)), "improper": (canonical("stable improper node", -1), matrix_a((0, 1), (1, 0))),
+    "spiral": (canonical("unstable spiral", 0.5, 2), matrix_b((1, 0.3), (0.6, 0.4))), "star": (canonical("stable star", -2), reflection((1, 3))),
+    "stiff": (canonical("stable node", -1, -1000), rotation(0.3)), "slow spiral": (canonical("stable spiral", -0.01, 5), matrix_a((1, 0), (0, 1))),
+}
+
+
+def run_of(Lambda, S, at=(1.0, 0.5)):
+    A = S.S @ Lambda @ S.inverse
+    (a, b), (c, d) = A.tolist()
+    x, y = (-A @ at).tolist()
+    system = System("linear", {"s1": "", "s2": ""}, {"a": a, "b": b, "c": c, "d": d, "x": x, "y": y},
+                    [Mode("motion", lambda t, s, p: (p.a * s.s1 + p.b * s.s2 + p.x, p.c * s.s1 + p.d * s.s2 + p.y))], start={"s1": 3.0, "s2": -1.0})
+    return simulate(system, 2.0, backend="plain")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_planes_show_the_same_system(name):
+    Lambda, S = CASES[name]
+    run = run_of(Lambda, S)
+    view = planes(run, lambda p: (Lambda, S))
+    left, right = view._sides
+    for part in ("lattice", "curves", "eigen"):
+        z, s = getattr(left, part).get_xydata(), getattr(right, part).get_xydata()
+        assert s == pytest.approx(z @ S.S.T + (1.0, 0.5), nan_ok=True, rel=1e-9, abs=1e-9)
+    assert right.flag.get_xy() == pytest.approx(left.flag.get_xy() @ S.S.T + (1.0, 0.5))
+    assert right.run.get_xydata() == pytest.approx(np.column_stack([run["s1"], run["s2"]]))
+    assert right.run.get_xydata() == pytest.approx(left.run.get_xydata() @ S.S.T + (1.0, 0.5))
+    curves = left.curves.get_xydata()
+    seen = curves[np.isfinite(curves).all(axis=1)]
+    assert len(seen) > 500 and (np.abs(seen).max(axis=0) >= 2).all() and len(view.figure.png()) <= 60_000
+
+
+def test_curves_follow_the_field():
+    """Each little stretch of a trajectory points along Λ z."""
+    for name in ("node", "saddle", "improper", "spiral", "centre", "star"):
+        Lambda, S = CASES[name]
+        z = planes(run_of(Lambda, S), lambda p: (Lambda, S))._sides[0].curves.get_xydata()
+        step, middle = np.diff(z, axis=0), (z[1:] + z[:-1]) / 2
+        good = np.isfinite(step).all(axis=1) & (np.hypot(*step.T) > 1e-6) & (np.hypot(*step.T) < 0.3)
+        way = middle[good] @ Lambda.T
+        cosine = (step[good] * way).sum(axis=1) / np.hypot(*step[good].T) / np.hypot(*way.T)
+        assert len(cosine) > 200 and cosine.min() > 0.99, name
+
+
+def test_a_star_shows_no_eigenvector_and_a_spiral_has_none():
+    for name, count in (("node", 6), ("improper", 3), ("star", 0), ("spiral", 0), ("centre", 0)):
+        Lambda, S = CASES[name]
+        assert len(planes(run_of(Lambda, S), lambda p, Lambda=Lambda, S=S: (Lambda, S))._sides[0].eigen.get_xydata()) == count
+
+
+def test_the_picture_follows_the_equilibrium_and_moves_its_axes_seldom():
+    Lambda, S = CASES["node"]
+    view = planes(run_of(Lambda, S), lambda p: (Lambda, S))
+    for at, moves in (((1.2, 0.4), False), ((6.0, 0.4), True), ((6.1, 0.4), False)):
+        view.update(run_of(Lambda, S, at))
+        low, high = view.axes[1].get_xlim()
+        assert view.relimited is moves and low + 1.9 < at[0] < high - 1.9
+        assert view._sides[1].rest.get_xydata()[0] == pytest.approx(at)
+
+
+def test_parts_that_do_not_make_the_model_are_refused():
+    Lambda, S = CASES["node"]
+    with pytest.raises(ModelError, match="is not the matrix of 'linear'"):
+        planes(run_of(Lambda, S), lambda p: (Lambda, S.__class__(S.inverse, S.S)))
+
+
+def test_slow_spirals_join_at_the_end_of_a_turn():
+    """Each curve is one turn; its end is the beginning of the next but some, so that no seam shows."""
+    from labkit.draw.planes import _flow
+
+    Lambda = canonical("unstable spiral point", 0.1, 1)
+    curves, starts = _flow(Lambda, 2.0)
+    pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
+    begin, end = np.hypot(*pieces[:, 0].T), np.hypot(*pieces[:, -1].T)
+    inner = end[end < begin.max() * 0.999]
+    assert len(inner) >= 5 and max(np.abs(begin / r - 1).min() for r in inner) < 1e-9
