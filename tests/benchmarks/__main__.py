@@ -48,11 +48,12 @@ def main() -> int:
     from .start import start_up
 
     began = perf_counter()
+    tolerances = TOLERANCES[1::3] if options.quick else TOLERANCES
     tables = {}
     for name in names:
         problem = PROBLEMS[name]
         say(f"{problem.title} …")
-        trials = sweep(problem, [c for module in modules for c in module.contestants(problem)], TOLERANCES[1::3] if options.quick else TOLERANCES, say)
+        trials = sweep(problem, [c for module in modules for c in module.contestants(problem)], tolerances, say)
         tables[name] = race(trials, rounds=4 if options.quick else 15), trials
         say(report.problem_table(problem, *tables[name]))
     results = report.Results(tables, scale(options.quick, say), start_up(options.quick, say), missing, perf_counter() - began)

@@ -49,7 +49,8 @@ class Start:
 
 def _child(code: str, **environment: str) -> tuple[float, float]:
     root = Path(__file__).resolve().parents[2]
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, cwd=root, env={**os.environ, "PYTHONPATH": str(root), **environment})
+    environment = {**os.environ, "PYTHONPATH": str(root), **environment}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, cwd=root, env=environment)
     return tuple(map(float, done.stdout.split())) if done.returncode == 0 else (float("nan"), float("nan"))
 
 
