@@ -2,6 +2,7 @@
 
     explore(ball, 12.0)                                   # time plot and phase portrait, all sliders
     explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False}, verdict=lambda run: f"{len(run.events)} bounces")
+    explore(ball, 12.0, picture, presets={"dead": {"e": 0.0}, "on the moon": {"g": 1.62}})
 
 Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values with a number,
 one unanswered message at a time; `Panel` answers each with one picture (or one error) that carries the number.
