@@ -73,13 +73,20 @@ def test_parts_that_do_not_make_the_model_are_refused():
         planes(run_of(Lambda, S), lambda p: (Lambda, S.__class__(S.inverse, S.S)))
 
 
-def test_slow_spirals_join_at_the_end_of_a_turn():
-    """Each curve is one turn; its end is the beginning of the next but some, so that no seam shows."""
+@pytest.mark.parametrize("a", [-0.3, -0.1, 0.05, 0.1])
+def test_spirals_have_no_seam(a):
+    """An arm runs from outside the picture to its middle in one stroke, unless the radius hardly changes in a turn: no end of a line shows."""
     from labkit.draw import flow_lines
 
-    Lambda = canonical("unstable spiral point", 0.1, 1)
-    curves, starts = flow_lines(Lambda, 2.0)
+    curves, starts = flow_lines(canonical("stable spiral point" if a < 0 else "unstable spiral point", a, 1), 2.0)
+    for piece in np.split(curves, np.flatnonzero(np.isnan(curves[:, 0]))):
+        radius = np.hypot(*piece[np.isfinite(piece[:, 0])].T)
+        assert not len(radius) or (radius.max() > 1.9 and radius.min() < 0.1)
+
+
+def test_a_centre_closes_its_curves():
+    from labkit.draw import flow_lines
+
+    curves, starts = flow_lines(canonical("centre", 1), 2.0)
     pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
-    begin, end = np.hypot(*pieces[:, 0].T), np.hypot(*pieces[:, -1].T)
-    inner = end[end < begin.max() * 0.999]
-    assert len(inner) >= 5 and max(np.abs(begin / r - 1).min() for r in inner) < 1e-9
+    assert np.allclose(pieces[:, 0], pieces[:, -1], atol=1e-9)
