@@ -1,0 +1,190 @@
+"""concepts/linear_systems: its forms are canonical, its map is right, and its two panels follow the hand."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from labkit import affine, borders, classify, explore, simulate
+from labkit.draw import arrow_heads, flow_lines
+
+from .helpers import load
+
+NAME = "concepts/linear_systems"
+NUMBERS = st.floats(-4, 4).map(lambda value: round(value, 3))
+
+
+@pytest.fixture(scope="module")
+def names():
+    return load(NAME)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS))
+def test_the_recipe_reaches_the_canonical_form_of_any_matrix(entries):
+    A = np.array(entries).reshape(2, 2)
+    far = borders(A)
+    assume(far["equal eigenvalues"] < 1e-12 or far["equal eigenvalues"] > 1e-4)  # beside the border S is nearly singular, as the text says
+    S, Lambda = load(NAME)["reduce"](A)
+    size = max(1.0, np.abs(A).max() * np.abs(S).max())
+    assert np.abs(A @ S - S @ Lambda).max() < 1e-7 * size
+    assert np.linalg.matrix_rank(S, tol=1e-12) == 2
+    (w, x), (y, z) = Lambda
+    assert (x == 0 and y in (0, 1)) or (w == z and x == -y)
+
+
+def test_the_family_has_its_trace_and_determinant_and_reaches_all_but_stars(names):
+    rng = np.random.default_rng(0)
+    for T, D, m in zip(rng.uniform(-8, 8, 50), rng.uniform(-16, 32, 50), rng.uniform(0.25, 3, 50), strict=True):
+        A, b = affine(names["system"], names["system"].values({"trace": T, "det": D, "m": m}))
+        assert (np.trace(A), np.linalg.det(A)) == (pytest.approx(T), pytest.approx(D, abs=1e-9)) and not b.any()
+        assert A == pytest.approx(names["matrix"](T, D, m)) and not classify(A).endswith("star")
+    for A in rng.normal(size=(50, 2, 2)):  # a turn makes the diagonal equal, by the formula of the text
+        (a, b), (c, d) = A
+        angle = np.arctan2(-(a - d), b + c) / 2
+        G = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        turned = G.T @ A @ G
+        assert turned[0, 0] == pytest.approx(turned[1, 1], abs=1e-12)
+
+
+def test_the_solution_by_hand_is_the_exponential(names):
+    t = np.linspace(0, 2, 5)
+    for A in ([[1, 2], [3, 2]], [[1, -1], [1, 3]], [[-1, -2], [2, 1]], [[-2, 0], [0, -2]], [[0, 1], [0, 0]], [[-1, 2], [-3, -2]]):
+        right = np.array([expm(np.array(A, float) * now) @ (0.3, -0.8) for now in t]).T
+        assert names["by_hand"](np.array(A, float), (0.3, -0.8), t) == pytest.approx(right, abs=1e-9)
+
+
+@pytest.mark.parametrize("T, D, border", [(-1, 2.25, "tr A = 0"), (-3, 2.2, "equal eigenvalues"), (-4, 0.3, "det A = 0"), (0, -1, "det A = 0"), (0, 1, "tr A = 0")])
+def test_the_nearest_border_is_one_that_the_type_has(names, T, D, border):
+    A = names["matrix"](T, D)
+    assert names["named"](A) == (border, borders(A)[border])
+
+
+@pytest.mark.parametrize("A", [[[0, 0], [0, 0]], [[0, 1], [0, 0]], [[-1, 1], [1, -1]], [[-1, 1e-7], [1e-7, 0]], [[2, 1], [0, 2]], [[-1, 300], [-1e-3, -1]]])
+def test_flow_lines_solve_the_equation_also_where_a_is_singular(A):
+    """Neighbours on a line are joined by a motion along A y; heads stand at the points, and there are none where all is at rest."""
+    A = np.array(A, float)
+    lines, points = flow_lines(A, 4.0)
+    pieces = lines.reshape(len(points), -1, 2)[:, :-1]
+    assert np.isfinite(pieces[:, pieces.shape[1] // 2]).all() and len(pieces) >= 6
+    with np.errstate(invalid="ignore"):
+        middle, way = (pieces[:, 1:] + pieces[:, :-1]) / 2, np.diff(pieces, axis=1)
+        speed = middle @ A.T
+        sine = np.abs(way[..., 0] * speed[..., 1] - way[..., 1] * speed[..., 0]) / (np.hypot(*way.T) * np.hypot(*speed.T)).T
+        small = np.hypot(*way.T).T < 0.05
+    assert not np.any(sine[small & (np.hypot(*speed.T).T > 1e-6)] > 0.1)
+    heads = arrow_heads(points, points @ A.T, 0.2).reshape(len(points), 4, 2)
+    assert np.isnan(heads[:, 0]).any() == (not A.any()) and (heads[:, 1] == points).all()
+
+
+# ---- the panels
+
+
+class Hand:
+    """Moves the handles of a panel as a browser does."""
+
+    def __init__(self, panel):
+        self.panel, self.answers = panel, []
+        panel.send = lambda answer, buffers=(): self.answers.append(answer)
+        panel._handle_custom_msg({"kind": "ready", "seq": 0, "view": "here"}, [])
+
+    def drag(self, handle, x, y):
+        made = self.panel.handles[handle]
+        px, py = made.axes.transData.transform((x, y))
+        self.panel._handle_custom_msg({"kind": "drag", "seq": 1, "view": "here", "handle": handle, "x": px, "y": self.panel.scene.recorder.height - py}, [])
+        assert self.answers[-1]["kind"] == "picture", self.answers[-1]
+        return self.answers[-1]["verdict"]
+
+    def places(self):
+        return [complex(*handle.at_place) for handle in self.panel.handles]
+
+
+def portrait(hand, names):
+    return next(view for view in hand.panel.view.views if isinstance(view, names["Portrait"]))
+
+
+@pytest.fixture
+def chart(names, monkeypatch):
+    monkeypatch.delenv("LABKIT_CHECK", raising=False)
+    return Hand(explore(names["system"], names["horizon"], names["draw_map"], verdict=names["verdict"], method=False, sliders={"trace": False, "det": False}))
+
+
+@pytest.mark.parametrize("place, kind", [((-3.0, 1.0), "stable node"), ((2.0, 4.0), "unstable spiral point"), ((0.03, 3.0), "centre"), ((-3.01, 2.21), "stable improper node"),
+                                         ((1.0, -2.5), "saddle"), ((-2.0, 0.03), "degenerate (line of equilibria)"), ((0.0, 0.0), "degenerate (line of equilibria)")])
+def test_the_dot_on_the_map_sets_the_system_and_the_portrait_follows(chart, names, place, kind):
+    before = portrait(chart, names).lines.get_xydata().copy()
+    words = chart.drag(0, *place)
+    A, _ = affine(names["system"], chart.panel.run.p)
+    assert classify(A) == kind and f": {kind};" in words and portrait(chart, names).words.get_text() == kind
+    assert [np.trace(A), np.linalg.det(A)] == pytest.approx(place, abs=0.09) and chart.places()[0] == pytest.approx(complex(np.trace(A), np.linalg.det(A)), abs=1e-9)
+    after = portrait(chart, names).lines.get_xydata()
+    assert after.shape != before.shape or np.nanmax(np.abs(after - before)) > 0.1
+    assert after == pytest.approx(flow_lines(A, 4.0)[0], nan_ok=True)
+
+
+def test_the_dot_stays_on_the_map_and_leaves_a_border_by_one_press_of_a_key(chart):
+    chart.drag(0, 99, -99)
+    assert chart.places()[0] == 5 - 4j
+    for T, D in ((0.0, 3.0), (-3.0, 2.25), (-2.0, 0.0)):
+        for dT, dD in ((0.1, 0.0), (-0.1, 0.0), (0.0, 0.1), (0.0, -0.1)):
+            chart.drag(0, T, D)
+            begin = chart.places()[0]
+            chart.drag(0, T + dT, D + dD)
+            assert chart.places()[0] != begin
+
+
+def test_on_a_line_of_equilibria_the_line_is_drawn_and_the_run_ends_on_it(chart, names):
+    chart.drag(0, -2.0, 0.0)
+    view, run = portrait(chart, names), chart.panel.run
+    A, _ = affine(names["system"], run.p)
+    line = view.rest.get_xydata()
+    assert np.ptp(line[:, 0]) > 50 and A @ line.T == pytest.approx(0, abs=1e-12) and A @ list(run.final.values()) == pytest.approx(0, abs=1e-6)
+    chart.drag(0, -2.0, 0.8)
+    assert len(set(map(tuple, view.rest.get_xydata()))) == 1
+
+
+@pytest.fixture
+def rings(names, monkeypatch):
+    monkeypatch.delenv("LABKIT_CHECK", raising=False)
+    return Hand(explore(names["system"], names["horizon"], names["draw_spectrum"], verdict=names["verdict"], method=False, trace=-1.0, det=2.25,
+                        sliders={"trace": False, "det": False}))
+
+
+def test_a_pair_moves_as_mirror_images_and_the_matrix_follows(rings, names):
+    rings.drag(0, -0.5, 2.0)
+    assert rings.places()[:2] == pytest.approx([-0.5 + 2j, -0.5 - 2j])
+    words = rings.drag(1, 0.75, -1.0)
+    assert rings.places()[:2] == pytest.approx([0.75 + 1j, 0.75 - 1j]) and "unstable spiral point" in words
+    A, _ = affine(names["system"], rings.panel.run.p)
+    assert sorted(np.linalg.eigvals(A), key=lambda value: value.imag) == pytest.approx([0.75 - 1j, 0.75 + 1j])
+    text = next(view for view in rings.panel.view.views if isinstance(view, names["Formulas"])).text.get_text()
+    assert "x' =  0.75 x + 1.00 y" in text and "y' = −1.00 x + 0.75 y" in text
+
+
+def test_one_ring_alone_cannot_leave_the_axis_but_two_that_met_can(rings):
+    rings.drag(0, -1.0, 0.0)  # the pair falls onto the axis, both at −1
+    assert rings.places()[:2] == pytest.approx([-1, -1])
+    rings.drag(0, 1.5, 0.0)
+    assert rings.places()[:2] == pytest.approx([1.5, -1])
+    words = rings.drag(0, 1.5, 2.0)
+    assert rings.places()[:2] == pytest.approx([1.5, -1]) and "saddle" in words
+    rings.drag(0, -2.0, 0.1)  # past the other one: it stays the same ring
+    assert rings.places()[:2] == pytest.approx([-2, -1])
+    rings.drag(0, -1.05, 0.0)
+    rings.drag(0, -1.05, 1.2)
+    assert rings.places()[:2] == pytest.approx([-1 + 1.2j, -1 - 1.2j])
+
+
+def test_the_rings_stay_within_the_picture(rings):
+    rings.drag(0, 99, 99)
+    assert rings.places()[:2] == pytest.approx([3 + 3j, 3 - 3j])
+    assert rings.panel.run.stopped == "finished"
+
+
+def test_two_tanks_against_the_closed_form(names):
+    """The total grows by the tap alone; the difference obeys u' = b − 2k u."""
+    k, b = 0.7, 0.3
+    run = simulate(names["tanks"], 5.0, k=k, tap=b, rtol=1e-11, atol=1e-13)
+    assert run["x"] + run["y"] == pytest.approx(5 + b * run.t, abs=1e-9)
+    assert run["x"] - run["y"] == pytest.approx(b / (2 * k) + (3 - b / (2 * k)) * np.exp(-2 * k * run.t), abs=1e-9)
