@@ -113,7 +113,7 @@ def _source(name: str) -> str:
 
 # Read when this module is: files that change under a running kernel (an update) must not meet the functions it has.
 #: The core's files as one source: each takes from those before it.
-CORE = "\n".join(line for name in ("layout", "sliding", "step", "locate", "core") for line in _source(name).splitlines() if not line.startswith("from ."))
+CORE = "\n".join(line for name in ("layout", "sliding", "step", "locate", "core", "lanes") for line in _source(name).splitlines() if not line.startswith("from ."))
 HOW = _source("functions") + _source("backend")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from . import core
 
 if TYPE_CHECKING:
-    from . import _Settings
+    from . import Settings
     from .functions import Plain
 
 
@@ -21,7 +21,7 @@ class SciPyStep:
     Its interpolant is sampled at degree + 1 Chebyshev points and solved for the coefficients: exact but for rounding.
     """
 
-    def __init__(self, settings: _Settings, model: Plain, width: int):
+    def __init__(self, settings: Settings, model: Plain, width: int):
         import scipy.integrate
 
         self.kind = getattr(scipy.integrate, settings.method)
