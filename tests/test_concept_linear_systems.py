@@ -67,7 +67,7 @@ def test_flow_lines_solve_the_equation_also_where_a_is_singular(A):
     A = np.array(A, float)
     lines, points = flow_lines(A, 4.0)
     pieces = lines.reshape(len(points), -1, 2)[:, :-1]
-    assert np.isfinite(pieces[:, pieces.shape[1] // 2]).all() and len(pieces) >= 6
+    assert np.isfinite(pieces).all(axis=2).any(axis=1).all() and len(pieces) >= 6  # none is outside the picture all the way
     with np.errstate(invalid="ignore"):
         middle, way = (pieces[:, 1:] + pieces[:, :-1]) / 2, np.diff(pieces, axis=1)
         speed = middle @ A.T
