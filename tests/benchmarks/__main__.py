@@ -49,13 +49,14 @@ def main() -> int:
 
     began = perf_counter()
     tolerances = TOLERANCES[1::3] if options.quick else TOLERANCES
-    tables = {}
+    trials = {}
     for name in names:
-        problem = PROBLEMS[name]
-        say(f"{problem.title} …")
-        trials = sweep(problem, [c for module in modules for c in module.contestants(problem)], tolerances, say)
-        tables[name] = race(trials, rounds=4 if options.quick else 15), trials
-        say(report.problem_table(problem, *tables[name]))
+        say(f"{PROBLEMS[name].title} …")
+        trials[name] = sweep(PROBLEMS[name], [c for module in modules for c in module.contestants(PROBLEMS[name])], tolerances, say)
+    say("the fastest of them, in turn …")
+    tables = {name: (rows, trials[name]) for name, rows in race(trials, rounds=4 if options.quick else 30).items()}
+    for name in names:
+        say(report.problem_table(PROBLEMS[name], *tables[name]))
     results = report.Results(tables, scale(options.quick, say), start_up(options.quick, say), missing, perf_counter() - began)
     say(results.text())
     if not options.quick and len(names) == len(PROBLEMS):

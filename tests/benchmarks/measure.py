@@ -1,12 +1,12 @@
 """Time at equal accuracy: every tool and method over a range of tolerances, then the fastest of each tool side by side.
 
     trials = sweep(problem, contestants)             # error, events missed and invented, rough time of each setting
-    rows = race(trials, rounds=15)                   # best time of each tool for each goal, measured in turn
+    rows = race({name: trials, …})                   # best time of each tool for each goal, measured in turn
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import get_clock_info, perf_counter, thread_time
 
@@ -95,29 +95,28 @@ def settled(trials: Sequence[Trial], goal: float) -> list[Trial]:
     return kept
 
 
-def race(trials: Sequence[Trial], rounds: int = 15, finalists: int = 3, budget: float = 3.0) -> list[Row]:
-    """race(trials) -> one Row a tool and goal: the fastest of its settings, all tools timed in turn, the best of the rounds.
+def race(fields: Mapping[str, Sequence[Trial]], rounds: int = 30, finalists: int = 3, budget: float = 4.0) -> dict[str, list[Row]]:
+    """race({problem: trials}) -> {problem: one Row a tool and goal}: the fastest settings of each tool, timed in turn, best of the rounds.
 
-    In turn, so that a computer that is busy for a while is so for everybody; slow settings get fewer rounds (`budget` seconds, at least 3).
+    In turn, and all problems in each round, so that a computer that is busy for a minute is so for everybody; slow settings get fewer rounds
+    (`budget` seconds, but at least 8, or all).
     """
-    chosen: dict[tuple[str, float], list[Trial]] = {}
-    for tool in dict.fromkeys(t.contestant.tool for t in trials):
-        own = [t for t in trials if t.contestant.tool == tool]
-        for goal in GOALS:
-            chosen[tool, goal] = sorted(settled(own, goal), key=lambda t: t.seconds)[:finalists]
+    chosen: dict[tuple[str, str, float], list[Trial]] = {}
+    for problem, trials in fields.items():
+        for tool in dict.fromkeys(t.contestant.tool for t in trials):
+            own = [t for t in trials if t.contestant.tool == tool]
+            for goal in GOALS:
+                chosen[problem, tool, goal] = sorted(settled(own, goal), key=lambda t: t.seconds)[:finalists]
     field = {id(t): t for group in chosen.values() for t in group}
     best = dict.fromkeys(field, float("inf"))
-    spent = dict.fromkeys(field, 0.0)
+    pauses = {key: max(1, rounds // max(8, int(budget / max(trial.seconds, 1e-3)))) for key, trial in field.items()}
     for number in range(rounds):
         for key, trial in field.items():
-            if number >= 3 and spent[key] > budget:
-                continue
-            began = perf_counter()
-            trial.run()  # the first run after another tool's finds the processor's caches cold
-            best[key] = min(best[key], timed(trial.run, 4e-3))
-            spent[key] += perf_counter() - began
-    rows = []
-    for (tool, goal), group in chosen.items():
+            if number % pauses[key] == 0:
+                trial.run()  # the first run after another tool's finds the processor's caches cold
+                best[key] = min(best[key], timed(trial.run, 4e-3))
+    rows: dict[str, list[Row]] = {problem: [] for problem in fields}
+    for (problem, tool, goal), group in chosen.items():
         winner = min(group, key=lambda t: best[id(t)], default=None)
-        rows.append(Row(tool, goal, winner, best[id(winner)] if winner else None))
+        rows[problem].append(Row(tool, goal, winner, best[id(winner)] if winner else None))
     return rows

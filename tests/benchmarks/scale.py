@@ -288,7 +288,7 @@ def scale(quick: bool, log: Callable = print) -> Scale:
     result = Scale()
     for name in ("relay", "stick_slip"):
         log(f"many trajectories, {PROBLEMS[name].title} …")
-        result.ensembles += trajectories(name, 6 if quick else 60, 300, 2 if quick else 5, log)
+        result.ensembles += trajectories(name, 6 if quick else 60, 300, 2 if quick else 8, log)
     log("many end states …")
     result.ensembles += end_states(1000 if quick else 100_000, log)
     log("growth …")
