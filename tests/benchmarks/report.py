@@ -33,7 +33,7 @@ def milliseconds(seconds: float | None) -> str:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table whose columns also line up on a terminal."""
-    widths = [max(len(str(row[k])) for row in [head, *rows]) for k in range(len(head))]
+    widths = [max(3, *(len(row[k]) for row in [head, *rows])) for k in range(len(head))]  # a rule of a mere colon is no table
     rule = [("-" * w)[:-1] + ":" if k else "-" * w for k, w in enumerate(widths)]
     lines = [[cell.rjust(w) if k else cell.ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True))] for line in [head, rule, *rows]]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
