@@ -269,6 +269,8 @@ def _column(system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarra
         if not len(here):
             continue
         names = system.states_of(key)
+        if name in names and len(here) == len(t):
+            return values[:, names.index(name)].copy()
         if name in names:
             result[here] = values[here, names.index(name)]
         elif name in system.outputs:

@@ -28,6 +28,8 @@ from .methods import DEGREE, FIXED_STEP, METHODS, explicit, proxy
 __all__ = ["METHODS", "simulate", "simulate_many", "warm"]
 
 BACKENDS = ("auto", "compiled", "plain")
+WORTH_THREADS = 4e-3  # seconds of work below which threads cost more than they save
+KEPT = 32, 4_000_000  # workspaces that are kept for the next run, and the most bytes of samples in one
 
 
 def simulate(system: System, t_end: float, *, t0: float = 0.0, start: Mapping[str, float] | None = None, mode: str | None = None,
@@ -54,12 +56,11 @@ def simulate(system: System, t_end: float, *, t0: float = 0.0, start: Mapping[st
     p = system.values(parameters)
     begin, first_mode = _start(system, {**system.start, **start} if start else system.start, mode, settings.t0, p)
     code = settings.code(p, begin, first_mode)
-    batch = settings.free.pop() if settings.free and settings.free[-1].code is code and code is not None else Batch(settings, code, 1)
+    batch = settings.batch(code, 1)
     batch.load(np.array([p]), np.array([begin]), np.array([settings.place[first_mode]]))
     batch.run()
     run = batch.as_run(p, began)
-    if code is not None:
-        settings.free.append(batch)  # its memory serves the next run
+    settings.leave(batch)
     return run
 
 
@@ -95,15 +96,21 @@ def simulate_many(system: System, t_end: float, *, t0: float = 0.0, start: Mappi
     blocks = np.array_split(np.arange(lanes), 1 if threads == 1 else min(4 * threads, lanes))
     batches = []
     for block in blocks:
-        batch = Batch(settings, code, len(block))
+        batch = settings.batch(code, len(block))
         batch.load(p[block], begin[block], modes[block])
         batches.append(batch)
-    if threads == 1:
-        batches[0].run()
-    else:  # the compiled core lets go of the interpreter's lock
+    begun = perf_counter()
+    batches[0].run()
+    if threads > 1 and (perf_counter() - begun) * (len(batches) - 1) > WORTH_THREADS:  # the compiled core lets go of the interpreter's lock
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(Batch.run, batches))
-    return gather(settings, p, batches, began)
+            list(pool.map(Batch.run, batches[1:]))
+    else:
+        for batch in batches[1:]:
+            batch.run()
+    runs = gather(settings, p, batches, began)
+    for batch in batches:
+        settings.leave(batch)
+    return runs
 
 
 def warm(progress: Callable[[str], object] = print) -> bool:
@@ -201,6 +208,21 @@ class Settings:
         }
         kinds = {name: kind for name, kind, _ in core.FIELDS}
         return {name: np.ascontiguousarray(value, dtype=float if kinds[name] == "f" else np.int64) for name, value in fixed.items()}
+
+    def batch(self, code: object, lanes: int) -> Batch:
+        """Memory for so many runs, that of an earlier call where there is one. Each is taken out: another thread may be simulating, too."""
+        for batch in reversed(self.free) if code is not None else ():
+            if batch.lanes == lanes and batch.code is code:
+                try:
+                    self.free.remove(batch)
+                except ValueError:  # the other one was faster
+                    continue
+                return batch
+        return Batch(self, code, lanes)
+
+    def leave(self, batch: Batch) -> None:
+        if batch.code is not None and len(self.free) < KEPT[0] and batch.w.out.nbytes <= KEPT[1]:
+            self.free.append(batch)
 
     def code(self, p: tuple, start: tuple[float, ...], mode: str, lanes: int = 1) -> object:
         """The compiled code, or None for the plain back end; the model's functions are tried unless this very code has run with them."""

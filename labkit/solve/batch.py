@@ -190,19 +190,19 @@ class Batch:
         return f"no step is short enough at {t} in mode {mode!r}: the flow is singular there, or stiff (try method='Radau')"
 
     def rows(self, name: str, count: int) -> np.ndarray:
-        """The first rows of an output, copied."""
+        """The first rows of an output; compiled, they lie in memory that the next run writes to."""
         rows = getattr(self.w, name)
         if self.code is not None:
-            return rows[:count].copy()
+            return rows[:count]
         return np.array(rows.rows[:count], dtype=float).reshape(count, rows.width)
 
     def as_run(self, p: tuple, began: float) -> Run:
         st, i = self.settings, self.w.i
-        out, ledger = self.rows("out", i[core.OUT]), self.rows("ledger", i[core.LEDGER])
+        out, ledger, pieces = (self.rows(name, i[count]).copy() for name, count in (("out", core.OUT), ("ledger", core.LEDGER), ("pieces", core.PIECES)))
         touches = np.array(self.w.touch)[: i[core.TOUCHES]].tolist()
         work = Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), len(ledger), perf_counter() - began, st.method, "plain" if self.code is None else "compiled")
         return Run(st.system, p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], Events(len(ledger), lambda: _events(st, ledger)),
-                  self.reason(0), work, self.rows("pieces", i[core.PIECES]), [Touch(t, st.system.transitions[int(who)].name, by) for t, who, by in touches])
+                  self.reason(0), work, pieces, [Touch(t, st.system.transitions[int(who)].name, by) for t, who, by in touches])
 
 
 class _Rows:
@@ -238,10 +238,14 @@ def gather(settings: Settings, p: np.ndarray, batches: list[Batch], began: float
     out = np.concatenate([batch.rows("out", batch.w.i[core.OUT]) for batch in batches])
     counts = np.concatenate([np.diff([0, *np.array(batch.w.done)[:, core.END]]) for batch in batches])
     shape = len(counts), int(counts.max())
-    lane, starts = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
-    place = np.arange(len(out)) - np.repeat(starts, counts)
-    t, modes, values = np.full(shape, np.nan), np.full(shape, -1), np.full((*shape, settings.width), np.nan)
-    t[lane, place], modes[lane, place], values[lane, place] = out[:, 0], out[:, 1], out[:, 3:]
+    if len(out) == shape[0] * shape[1]:  # no lane had an event, or all had as many
+        out = out.reshape(*shape, -1)
+        t, modes, values = out[..., 0].copy(), out[..., 1].astype(int), out[..., 3:]
+    else:
+        lane, starts = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
+        place = np.arange(len(out)) - np.repeat(starts, counts)
+        t, modes, values = np.full(shape, np.nan), np.full(shape, -1), np.full((*shape, settings.width), np.nan)
+        t[lane, place], modes[lane, place], values[lane, place] = out[:, 0], out[:, 1], out[:, 3:]
     total = done.sum(axis=0).tolist()
     work = Work(*(total[k] for k in (core.ACCEPTED, core.FAILED, core.RATES, core.LOOKS, core.EVENTS)), perf_counter() - began, settings.method, "plain" if batches[0].code is None else "compiled")
     reasons = [batch.reason(lane) for batch in batches for lane in range(batch.lanes)]
