@@ -5,6 +5,7 @@ import math
 import os
 import subprocess
 import sys
+import threading
 from collections import namedtuple
 from math import sin
 from types import SimpleNamespace
@@ -27,7 +28,7 @@ from labkit.draw import (
     time_plot,
     trajectories,
 )
-from labkit.draw.figure import PNG_BYTES, label, symbol
+from labkit.draw.figure import PNG_BYTES, label, style, symbol
 from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays
 from labkit.draw.sketch import CHARACTERISTICS
 from labkit.linear import classify
@@ -143,6 +144,25 @@ def test_the_users_rcparams_are_neither_changed_nor_used(ball):
     plain = time_plot(run).figure.png()
     phase_portrait(run).figure.png()
     Sketch().figure.png()
+    assert dict(matplotlib.rcParams) == before
+    # A panel may answer in a thread of its own while a cell draws.
+    inside, tried = threading.Event(), threading.Event()
+
+    def cell():
+        with style():
+            inside.set()
+            tried.wait(0.2)  # the panel gets no further meanwhile
+
+    def panel():
+        inside.wait()
+        with style():
+            tried.set()
+
+    threads = [threading.Thread(target=target) for target in (panel, cell)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
     assert dict(matplotlib.rcParams) == before
     other = {"axes.facecolor": "black", "figure.facecolor": "black", "font.size": 20, "lines.linewidth": 9, "savefig.bbox": "tight", "axes.grid": False}
     with matplotlib.rc_context(other):
@@ -395,6 +415,24 @@ def test_equilibria_of_a_pendulum_with_math_functions():
 
 def test_no_equilibrium_where_there_is_none(ball):
     assert equilibria(ball, limits=((0.0, 10.0), (-10.0, 10.0))).found == []
+
+
+@pytest.mark.parametrize("force, expected", [
+    (lambda x: (x - 0.3) ** 2 * (x + 1), [(-1.0, "stable spiral point"), (0.3, "degenerate (line of equilibria)")]),  # where a saddle and a node meet
+    (lambda x: x**3, [(0.0, "degenerate (line of equilibria)")]), (lambda x: 10 * math.sin(9 * x), None), (lambda x: x * x + 1e-3, []),
+])
+def test_equilibria_that_are_double_many_or_just_gone(force, expected):
+    system = System("spring", {"x": "m", "v": "m/s"}, {}, [Mode("motion", lambda t, s, p: (s.v, -force(s.x) - s.v))], start={"x": 1.0, "v": 0.0})
+    found = find_equilibria(Plane(system), ((-3.0, 3.0), (-4.0, 4.1)))
+    if expected is None:
+        expected = [(k * math.pi / 9, "saddle" if k % 2 else "stable spiral point") for k in range(-8, 9)]
+    assert [kind for *_, kind in found] == [kind for _, kind in expected]
+    assert [x for x, *_ in found] == pytest.approx([x for x, _ in expected], abs=1e-7) and all(abs(v) < 1e-9 for _, v, *_ in found)
+
+
+@pytest.mark.parametrize("A", [((1, 2), (2, 4)), ((-1, 0.3), (2, -0.6)), ((0, 1), (0, -1)), ((0.1, 0.3), (0.2, 0.6))])
+def test_a_line_of_equilibria_is_no_heap_of_marks(A):
+    assert find_equilibria(Plane(linear(A)), ((-3.0, 3.0), (-4.0, 4.1))) == []
 
 
 def test_only_the_equilibria_of_the_mode_that_holds(block):

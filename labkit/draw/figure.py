@@ -11,7 +11,9 @@ from __future__ import annotations
 import io
 import os
 import re
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +94,7 @@ class Figure(matplotlib.figure.Figure):
     def png(self, dpi: float = PNG_DPI) -> bytes:
         """fig.png() -> the picture as PNG bytes: a palette, no date, no version; artists marked animated included."""
         buffer = io.BytesIO()
-        with rc_context(STYLE):
+        with style():
             self.savefig(buffer, format="rgba", dpi=dpi)  # the saving path: it draws animated artists as well
         width = int(self.get_figwidth() * dpi + 0.5)
         pixels = buffer.tell() // 4  # Matplotlib's own rounding may differ by one pixel from ours
@@ -164,9 +166,17 @@ def figure(rows: int = 1, columns: int = 1, width: float = 9.0, height: float = 
     return fig
 
 
-def style() -> Any:
-    """with style(): artists made inside have the house style; the user's rcParams are as before afterwards."""
-    return rc_context({**STYLE, "axes.prop_cycle": matplotlib.cycler(color=COLORS)})
+@contextmanager
+def style() -> Iterator[None]:
+    """with style(): artists made inside have the house style; the user's rcParams are as before afterwards.
+
+    One thread at a time: Jupyter lets panels answer in a thread of their own while a cell draws, and rcParams belong to all.
+    """
+    with _one_at_a_time, rc_context({**STYLE, "axes.prop_cycle": matplotlib.cycler(color=COLORS)}):
+        yield
+
+
+_one_at_a_time = threading.RLock()
 
 
 def mode_colors(system: System) -> dict[str, str]:

@@ -131,7 +131,8 @@ class Equilibria(Layer):
         look = {"linestyle": "none", "zorder": 6, "markersize": 8, "markeredgecolor": INK, "markeredgewidth": 1.4}
         marks = (("stable", "o", INK), ("unstable", "o", "white"), ("centre", "o", "#B5B5B5"), ("saddle", "X", "white"), ("", "s", "white"))
         self.marks = {kind: self._add(Line2D([], [], marker=marker, markerfacecolor=face, **look)) for kind, marker, face in marks}  # type: ignore[arg-type]
-        self.words = []
+        self.words: list[Any] = []
+        self._said: dict[int, tuple] = {}  # what the words say, where
         for _ in range(words):
             text = axes.annotate("", (0, 0), xytext=(9, 9), textcoords="offset points", fontsize=9.5, zorder=7, bbox=VEIL, annotation_clip=True)
             text.set_in_layout(False)
@@ -146,15 +147,18 @@ class Equilibria(Layer):
             mine = [(x, y) for x, y, _, word in self.found if kind == next(k for k in self.marks if word.startswith(k))]
             mark.set_data([x for x, _ in mine], [y for _, y in mine])
         taken: list[tuple[float, float, float, float]] = []
-        for text, (x, y, _, kind) in zip(self.words, self.found, strict=False):
+        for k, (text, (x, y, _, kind)) in enumerate(zip(self.words, self.found, strict=False)):
             place = f"({x:.4g}, {y:.4g})".replace("-", "−")
             words = f"{kind}\n{place}" if len(self.found) <= 3 else kind.replace(" ", "\n", 1)  # short where the marks stand close
             side, up = self._free_corner((x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken)
-            text.set(text=words, visible=True, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top")
-            text.xy = (x, y)
-            text.set_position((9 * side, 7 * up))
-        for text in self.words[len(self.found):]:
-            text.set_visible(False)
+            if self._said.get(k) != (said := (words, x, y, side, up)):  # else a picture need not be sent words that it has
+                text.set(text=words, visible=True, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top")
+                text.xy = (x, y)
+                text.set_position((9 * side, 7 * up))
+                self._said[k] = said
+        for k in [k for k in self._said if k >= len(self.found)]:
+            self.words[k].set_visible(False)
+            del self._said[k]
 
     def _free_corner(self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]) -> tuple[int, int]:
         """The corner of a mark where its words meet neither the edge of the picture nor words that are there; sizes are estimates."""

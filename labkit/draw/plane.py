@@ -91,8 +91,8 @@ class Plane:
                 with np.errstate(all="ignore"):
                     value = self._wide[function](t, state(mode, x, y), p)
                     result = np.array([np.broadcast_to(np.asarray(v, dtype=float), x.shape) for v in (value if width > 1 else (value,))])
-                probe = np.linspace(0, len(x) - 1, 7).astype(int)
-                if np.allclose(result[:, probe].T, [one(i) for i in probe], rtol=1e-12, atol=0, equal_nan=True):
+                probe = [k * (len(x) - 1) // 6 for k in range(7)]
+                if _same(result[:, probe].T, np.array([one(i) for i in probe], dtype=float)):
                     return result
             except (TypeError, ValueError, AttributeError):
                 pass
@@ -165,6 +165,12 @@ class Plane:
         return not np.allclose(self.guard(transition, mode, X, Y), self.guard(transition, mode, X, Y, self.t + 1.2345), rtol=1e-9, atol=0, equal_nan=True)
 
 
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    """np.allclose(a, b, rtol=1e-12, atol=0, equal_nan=True), which takes longer than all the rest for a few numbers."""
+    with np.errstate(invalid="ignore"):
+        return bool(((a == b) | (np.abs(a - b) <= 1e-12 * np.abs(b)) | ((a != a) & (b != b))).all())
+
+
 _NUMPY = {name: getattr(np, name) for name in dir(math) if not name.startswith("_") and hasattr(np, name)}
 
 
@@ -234,12 +240,10 @@ def contour(function: Callable[[np.ndarray, np.ndarray], np.ndarray], limits: Li
 def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> list[tuple[float, float, str, str]]:
     """find_equilibria(plane, limits) -> [(x, y, mode, type in words), …] inside the limits, sorted; of plane modes only.
 
-    Powell's hybrid method (scipy.optimize.root) from a 3 × 3 grid and from every cell where both rates change sign; a root counts when
+    Newton's method from a 3 × 3 grid and from every cell where both rates change sign, all at once; a root counts when
     both rates are below 1e-9 of their largest in the picture, it lies inside and its mode holds there; roots closer than 1e-4 of the picture
-    are one. The Jacobian comes from five-point differences (error about 1e-12 of the rates), `tolerance` goes to `classify`.
+    are one, and the points of a whole line of them are none. The Jacobian comes from five-point differences (error about 1e-12 of the rates), `tolerance` goes to `classify`.
     """
-    from scipy.optimize import root  # takes longest of all imports here: only when it is needed
-
     (x0, x1), (y0, y1) = limits
     size = np.array([x1 - x0, y1 - y0])
     found: list[tuple[float, float, str, str]] = []
@@ -252,31 +256,59 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
             continue  # a rate that vanishes everywhere leaves no isolated equilibrium
 
         def rates(u: np.ndarray, mode: str = mode, scale: np.ndarray = scale) -> np.ndarray:
-            return np.array(plane.rates(mode, float(x0 + u[0] * size[0]), float(y0 + u[1] * size[1]))) / scale
+            """Both rates, relative to their largest, at places u (…, 2) in units of the picture."""
+            return np.stack(plane.flow(mode, x0 + u[..., 0] * size[0], y0 + u[..., 1] * size[1]), axis=-1) / scale
 
         both = _changes_sign(F) & _changes_sign(G)
         seeds = [((k + 0.5) / (GRID - 1), (i + 0.5) / (GRID - 1)) for i, k in np.argwhere(both)][:40] + [(a, b) for a in (0.2, 0.5, 0.8) for b in (0.2, 0.5, 0.8)]
+        roots = _newton(rates, np.array(seeds))
+        offs = np.abs(rates(roots)).max(axis=1)
         mine: list[np.ndarray] = []
-        for seed in seeds:
-            with np.errstate(all="ignore"):
-                solution = root(rates, seed, tol=1e-13)
-            u = solution.x
-            if not (np.all(np.isfinite(u)) and np.all((u >= -1e-9) & (u <= 1 + 1e-9)) and np.abs(rates(u)).max() < 1e-9):
-                continue
-            if any(np.abs(u - other).max() < 1e-4 for other in mine):
+        for u, off in sorted(zip(roots, offs, strict=True), key=lambda pair: np.nan_to_num(pair[1], nan=np.inf)):  # of equals, the best one
+            if not (off < 1e-9 and np.all((u >= -1e-9) & (u <= 1 + 1e-9))) or any(np.abs(u - other).max() < 1e-4 for other in mine):
                 continue
             x, y = x0 + u[0] * size[0], y0 + u[1] * size[1]
             if plane.governing(np.array([x]), np.array([y]))[0] != index:
                 continue
             mine.append(u)
-            h, columns = 1e-3, []
-            for axis in np.eye(2):
-                columns.append((8 * (rates(u + h * axis) - rates(u - h * axis)) - rates(u + 2 * h * axis) + rates(u - 2 * h * axis)) / (12 * h))
-            A = np.array(columns).T * scale[:, None] / size[None, :]
+            J = _jacobian(rates, u[None], 1e-3)[0]
+            along = J[np.abs(J).max(axis=1).argmax(), ::-1] * (1, -1)  # along a nullcline
+            if np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9:
+                continue  # one of a whole line of equilibria, which the nullclines show
+            A = J * scale[:, None] / size[None, :]
             kind = classify(A, tolerance) if np.all(np.isfinite(A)) else "equilibrium"
             near = 1e-9 * size  # 3e-17 reads as 0
             found.append((0.0 if abs(x) < near[0] else float(x), 0.0 if abs(y) < near[1] else float(y), mode, kind))
     return sorted(found)
+
+
+def _jacobian(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float) -> np.ndarray:
+    """Five-point differences of f: (n, 2) -> (n, 2) at u: (n, 2, 2)."""
+    moved = u[:, None, None] + h * np.array([-2, -1, 1, 2])[:, None] * np.eye(2)[:, None]  # (n, axis, 4, 2)
+    return np.einsum("k,nakf->nfa", np.array([1, -8, 8, -1]) / (12 * h), f(moved))
+
+
+def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 40) -> np.ndarray:
+    """Newton's method from all of u (n, 2) at once, at most a quarter of the picture at a time; one that does not converge ends anywhere.
+
+    Steps are those of least squares, a trace of damping included, so that a singular Jacobian (a double root, a line of roots) does no harm;
+    where each is half of the one before, a double root is near, and twice the step lands on it.
+    """
+    before = np.full((len(u), 1), np.nan)
+    for _ in range(steps):
+        with np.errstate(all="ignore"):
+            J, r = _jacobian(f, u, 1e-4), f(u)
+            lost = ~np.isfinite(J).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1) | (np.abs(u - 0.5) > 1.5).any(axis=1)  # out of sight, or without a value
+        J[lost], r[lost] = np.eye(2), 0.0
+        square = np.einsum("nji,njk->nik", J, J)
+        square += (1e-14 * np.trace(square, axis1=1, axis2=2) + 1e-300)[:, None, None] * np.eye(2)
+        way = np.linalg.solve(square, -np.einsum("nji,nj->ni", J, r)[..., None])[..., 0]
+        length = np.abs(way).max(axis=1, keepdims=True)
+        double = np.abs(length / np.where(before > 0, before, np.nan) - 0.5) < 0.02
+        u, before = u + way * np.where(double, 2.0, 1.0 / np.maximum(1.0, 4 * length)), np.where(double, np.nan, length)
+        if length.max() < 1e-11:
+            break
+    return u
 
 
 def _changes_sign(Z: np.ndarray) -> np.ndarray:

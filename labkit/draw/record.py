@@ -107,7 +107,8 @@ class Recorder(RendererBase):
             colors, which = np.unique(np.resize(np.asarray(facecolors), (len(paths), 4)), axis=0, return_inverse=True)
             gc.set_linewidth(0)
             for k, color in enumerate(colors):  # plain areas of one colour in one stroke
-                self.draw_path(gc, Path.make_compound_path(*(path for path, i in zip(paths, which.ravel(), strict=True) if i == k)), master_transform, tuple(color))
+                mine = [path for path, i in zip(paths, which.ravel().tolist(), strict=True) if i == k]
+                self.draw_path(gc, Path(np.concatenate([path.vertices for path in mine]), np.concatenate([path.codes for path in mine])), master_transform, tuple(color))
         else:
             super().draw_path_collection(gc, master_transform, paths, all_transforms, offsets, offset_trans, facecolors, edgecolors, linewidths, linestyles, *rest, **more)
 
