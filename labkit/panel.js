@@ -171,13 +171,14 @@ function render({ model, el }) {
   let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: parts in drawing order, the first of them as pixels
   let info = { axes: [], grips: [], span: [0, 1], t: null };
   let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
+  let wide = spec.width; // of the canvas on the page; measured by an observer, since asking for it makes the browser lay out the page at once
 
   el.classList.add("labkit-panel");
   const canvas = make("canvas", "labkit-picture");
   canvas.style.width = `${Math.floor(spec.width)}px`;
   const ratio = () => {
-    const [dpr, width] = [window.devicePixelRatio || 1, canvas.clientWidth || spec.width];
-    return Math.abs(width - spec.width) < 1 ? dpr : (Math.round(width * dpr) + 0.25) / spec.width; // whole pixels, so that nothing is blurred
+    const dpr = window.devicePixelRatio || 1;
+    return Math.abs(wide - spec.width) < 1 ? dpr : (Math.round(wide * dpr) + 0.25) / spec.width; // whole pixels, so that nothing is blurred
   };
   const help = "click: trajectory from there · drag: a ring, or the picture · wheel: zoom · double click: back · arrow keys: move the cursor or a ring, Enter: which · " +
     "Space: play · + − 0: zoom · a: next axes · Alt-arrows: shift · n: trajectory from the ring · Delete: clear";
@@ -196,7 +197,7 @@ function render({ model, el }) {
     queue.delete(key);
     flying = message;
     sent = ratio();
-    model.send({ ...message, view: me, seq: ++seq, ratio: sent, scale: (canvas.clientWidth || spec.width) / spec.width });
+    model.send({ ...message, view: me, seq: ++seq, ratio: sent, scale: wide / spec.width });
     if (message.kind === "cursor") return;
     patience = [[400, "the kernel is busy"], [8000, "no answer: the kernel is busy, or it was restarted; then run the cell again"]].map(([time, text]) =>
       setTimeout(() => (verdict.dataset.late = `  … ${text}`), time));
@@ -232,12 +233,12 @@ function render({ model, el }) {
       newest = message;
       frame ||= requestAnimationFrame(paint); // only the newest picture of each animation frame is painted
     }
-    reading.textContent = message.reading || "\u00a0";
+    say(reading, message.reading || "\u00a0");
     buttons.clear.hidden = !message.begun;
     verdict.classList.remove("labkit-error");
-    if (verdict.textContent !== message.verdict) verdict.textContent = message.verdict;
-    verdict.style.minHeight = `${verdict.offsetHeight}px`; // a shorter sentence does not move the sliders
+    say(verdict, message.verdict);
   };
+  const say = (node, text) => node.textContent !== text && (node.textContent = text);
   const complain = (message) => {
     verdict.classList.add("labkit-error");
     verdict.replaceChildren(make("div", "", message.text));
@@ -469,8 +470,9 @@ function render({ model, el }) {
     grids[control.group].append(rows[control.key].row);
   }
   const sync = (newest, held = {}) => {
-    for (const [key, row] of Object.entries(rows)) if (key in newest && !(key in held)) row.put((values[key] = newest[key]));
-    arrange();
+    const news = Object.keys(rows).filter((key) => key in newest && !(key in held) && newest[key] !== values[key]);
+    for (const key of news) rows[key].put((values[key] = newest[key]));
+    if (news.length) arrange();
   };
   const arrange = () => {
     for (const { key, only } of spec.controls) {
@@ -514,8 +516,15 @@ function render({ model, el }) {
     if (el.contains(event.target)) event.target.toggleAttribute("data-lm-suppress-shortcuts", !lab);
   };
   window.addEventListener("keydown", keys, true);
-  const resized = new ResizeObserver(() => canvas.clientWidth && Math.abs(ratio() - sent) > 0.003 && ask("ready")); // also when it first gets its place
+  const resized = new ResizeObserver((entries) => {
+    for (const { target, contentRect } of entries) {
+      if (target === canvas) wide = contentRect.width || wide;
+      else if (!verdict.classList.contains("labkit-error")) verdict.style.minHeight = `${verdict.offsetHeight}px`; // a shorter sentence does not move the sliders
+    }
+    if (Math.abs(ratio() - sent) > 0.003) ask("ready"); // also when it first gets its place
+  });
   resized.observe(canvas);
+  resized.observe(verdict);
 
   arrange();
   model.on("msg:custom", answered);
