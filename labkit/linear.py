@@ -146,7 +146,7 @@ def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndar
             (x, y), (dx, dy) = -Vt[0] * (U[:, 0] @ b) / s[0], Vt[1]
             why = f"A does not feel the direction ({dx:.3g}, {dy:.3g}): every point of the line through ({x:.3g}, {y:.3g}) along it is at rest"
         raise ModelError(f"there is no single equilibrium, because det A = 0. {why}")
-    return np.linalg.solve(A, -b)
+    return np.linalg.solve(A, -b) + 0.0  # never −0
 
 
 def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndarray:

@@ -120,11 +120,13 @@ class Every:
 
 @dataclass(frozen=True)
 class At:
-    """At(25.0) or At(5, "t_back"): single known instants: numbers, names of parameters, or functions of p."""
+    """At(25.0) or At(5, "t_back"): single known instants: numbers, names of parameters, or functions of p. Raises ModelError without any."""
 
     instants: tuple[Number, ...]
 
     def __init__(self, *instants: Number):
+        if not instants:
+            raise ModelError("At() names no instant: give one or more, At(25.0), or leave out at=")
         object.__setattr__(self, "instants", instants)
 
 

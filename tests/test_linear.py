@@ -427,3 +427,7 @@ def test_a_review_says_what_is_wrong():
             check_design(A, b, S.S, **bad)
     with pytest.raises(ModelError, match="S must be a 2 × 2"):
         check_design(A, b, [1, 2], "saddle", "rotation")
+
+
+def test_an_equilibrium_at_zero_has_no_sign():
+    assert not np.signbit(equilibrium([[-1, 0], [0, -2]], [0, 0])).any()

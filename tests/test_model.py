@@ -343,3 +343,8 @@ class TestWrittenWholeOrNotAtAll:
         assert goal.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["run.dat"]
 
 
+
+
+def test_a_schedule_without_instants_is_refused():
+    with pytest.raises(ModelError, match="names no instant"):
+        At()

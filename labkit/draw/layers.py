@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba_array
 from matplotlib.lines import Line2D
 
 from ..model import ModelError
@@ -270,7 +271,7 @@ class Trajectories(Layer):
             made = [Line2D([], [], color=color, **look) for color in colors.values()]
         self.lines = [self._add(line) for line in made]
         self.heads = self._add(PolyCollection([], linewidths=0, zorder=z + 0.1, closed=True))
-        self.head_colors = np.array(list(colors.values()))
+        self.head_colors = to_rgba_array(list(colors.values()))
         self.starts = self._add(Line2D([], [], linestyle="none", marker="o", markersize=6 if bold else 3.2, markerfacecolor="white", markeredgecolor=INK,
                                        markeredgewidth=1.3 if bold else 0.8, zorder=z + 0.2))
         self.size = 0.034 if bold else 0.024
@@ -296,10 +297,14 @@ class Trajectories(Layer):
         self.jumps.set_data(_segments(x[at], x[at + 1]), _segments(y[at], y[at + 1]))
         jumping = np.zeros(len(x), dtype=bool)
         jumping[at] = True
+        whole = len(self.lines) == 1 and not len(at) and not modes.any()  # no lane has ended early or changed its mode
         for i, line in enumerate(self.lines):
-            here = np.flatnonzero(mode == i)
-            cuts = np.flatnonzero((np.diff(here) > 1) | jumping[here[:-1]]) + 1
-            parts = np.split(np.column_stack([x[here], y[here]]), cuts)
+            if whole:
+                parts = list(np.stack([X, Y], axis=2))
+            else:
+                here = np.flatnonzero(mode == i)
+                cuts = np.flatnonzero((np.diff(here) > 1) | jumping[here[:-1]]) + 1
+                parts = np.split(np.column_stack([x[here], y[here]]), cuts)
             if isinstance(line, LineCollection):
                 line.set_segments(parts)
             else:
@@ -332,7 +337,7 @@ class Trajectories(Layer):
         polygons = np.concatenate(heads)
         polygons = np.stack([x0 + polygons[..., 0] / shape * (x1 - x0), y0 + polygons[..., 1] * (y1 - y0)], axis=-1)
         self.heads.set_verts(polygons)
-        self.heads.set_facecolor(list(self.head_colors[np.concatenate(colors)]) or "none")
+        self.heads.set_facecolor(self.head_colors[np.concatenate(colors)] if len(polygons) else "none")
 
     def legend(self) -> list[tuple[Artist, str]]:
         return [(Line2D([], [], color=color, linewidth=1.8), mode) for mode, color in self.colors.items()] if len(self.colors) > 1 else []

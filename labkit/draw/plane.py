@@ -271,7 +271,7 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
             if plane.governing(np.array([x]), np.array([y]))[0] != index:
                 continue
             mine.append(u)
-            J = _jacobian(rates, u[None], 1e-3)[0]
+            J = _jacobian(rates, u[None], 1e-3)[1][0]
             along = J[np.abs(J).max(axis=1).argmax(), ::-1] * (1, -1)  # along a nullcline
             if np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9:
                 continue  # one of a whole line of equilibria, which the nullclines show
@@ -282,10 +282,10 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
     return sorted(found)
 
 
-def _jacobian(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float) -> np.ndarray:
-    """Five-point differences of f: (n, 2) -> (n, 2) at u: (n, 2, 2)."""
-    moved = u[:, None, None] + h * np.array([-2, -1, 1, 2])[:, None] * np.eye(2)[:, None]  # (n, axis, 4, 2)
-    return np.einsum("k,nakf->nfa", np.array([1, -8, 8, -1]) / (12 * h), f(moved))
+def _jacobian(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """f: (…, 2) -> (…, 2) at u (n, 2), and its Jacobian (n, 2, 2) by five-point differences; all in one call of f."""
+    values = f(u[:, None, None] + h * np.arange(-2, 3)[:, None] * np.eye(2)[:, None])  # (n, axis, 5, 2)
+    return values[:, 0, 2], np.einsum("k,nakf->nfa", np.array([1, -8, 0, 8, -1]) / (12 * h), values)
 
 
 def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 40) -> np.ndarray:
@@ -297,7 +297,7 @@ def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 4
     before = np.full((len(u), 1), np.nan)
     for _ in range(steps):
         with np.errstate(all="ignore"):
-            J, r = _jacobian(f, u, 1e-4), f(u)
+            r, J = _jacobian(f, u, 1e-4)
             lost = ~np.isfinite(J).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1) | (np.abs(u - 0.5) > 1.5).any(axis=1)  # out of sight, or without a value
         J[lost], r[lost] = np.eye(2), 0.0
         square = np.einsum("nji,njk->nik", J, J)
