@@ -72,14 +72,14 @@ def running_lab(folder: Path) -> Iterator[Lab]:
 
 
 @contextlib.contextmanager
-def open_browser() -> Iterator:
-    """A headless browser of this computer. Raises LookupError when there is none."""
+def open_browser(*more: str) -> Iterator:
+    """A headless browser of this computer, with more flags if need be. Raises LookupError when there is none."""
     path = find_browser()
     if path is None:
         raise LookupError("no Chrome, Chromium or Edge found: install one, or say where it is by LABKIT_BROWSER")
     from playwright.sync_api import sync_playwright
 
-    flags = FLAGS + (["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])
+    flags = [*FLAGS, *more] + (["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=path, args=flags)
         yield opened

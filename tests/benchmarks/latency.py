@@ -1,8 +1,8 @@
 """python -m tests.benchmarks latency [technique …]: how long after a slider's event the new picture is there.
 
-A real slider of a real JupyterLab is dragged for 5 s, and a key is pressed 20 times, in a headless browser that shares the machine with server and
-kernel. The picture: a time plot of 2 curves, a portrait of 40 trajectories of 300 points, 400 arrows, nullclines, an equilibrium with its type in words;
-the integration is in the time. Side by side: labkit's panel, the same Matplotlib figure under ipywidgets' `interact` and under ipympl, and its data in bqplot
+A real slider of a real JupyterLab is dragged for 5 s by a mouse that moves 60 times a second, and a key is pressed 40 times, in a headless browser that shares
+the machine with server and kernel. The picture: a time plot of 2 curves, a portrait of 40 trajectories of 300 points, 400 arrows, nullclines, an equilibrium with its type in words;
+the integration is in the time. Side by side: the floor (a number that the kernel echoes, without any picture), labkit's panel, the same Matplotlib figure under ipywidgets' `interact` and under ipympl, and its data in bqplot
 (pip install ipympl bqplot; what is missing is left out). The kernel's column is processor time. All others are by one clock: the page logs slider events and changes of the picture, the kernel logs when it
 begins and ends a computation and for which value; a picture is the first change after the end of a computation.
 """
@@ -12,11 +12,15 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import socket
 import statistics
 import sys
 import tempfile
 import time
+import urllib.request
 from pathlib import Path
+
+from websocket import create_connection
 
 from ..lab import open_browser, open_notebook, run_all, running_lab
 
@@ -52,6 +56,29 @@ def logged(function, value):
     return timed
 """
 CELLS = {
+    "floor": """\
+from anywidget import AnyWidget
+class Echo(AnyWidget):
+    _esm = '''export default { render({ model, el }) {
+        const range = Object.assign(document.createElement("input"), { type: "range", className: "labkit-range", min: 0.1, max: 1.1, step: 0.002, value: 0.2 });
+        const canvas = document.createElement("canvas");
+        range.style.width = "400px";
+        el.append(range, canvas);
+        let [flying, next] = [false, null];
+        const post = () => {
+            if (flying || next === null) return;
+            model.send({ value: next });
+            [flying, next] = [true, null];
+        };
+        const moved = () => { next = range.valueAsNumber; post(); };
+        range.addEventListener("input", moved);
+        range.addEventListener("keydown", (event) => { event.preventDefault(); range.stepUp(); moved(); });
+        model.on("msg:custom", ({ value }) => { flying = false; canvas.dataset.seq = value; post(); });
+    } };'''
+echo = Echo()
+echo.on_msg(logged(lambda widget, message, buffers: widget.send(message), lambda _, message, __: message["value"]))
+echo
+""",
     "labkit": """\
 from labkit.panel import Panel
 Panel._receive = logged(Panel._receive, lambda self, _, message, __: self.values["p.delta"])
@@ -138,8 +165,21 @@ WATCH = """() => {
 }"""
 
 
-def measure(page, lab, name: str, seconds: float = 5.0, presses: int = 20) -> dict[str, float]:
-    """measure(page, lab, "labkit") -> the figures of one technique, times in ms."""
+class Mouse:
+    """A mouse that does not wait until the page has answered, as `page.mouse` does: its events go to the browser's debugging port."""
+
+    def __init__(self, port: int, address: str):
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
+            page = next(page for page in json.load(answer) if page["url"].startswith(address))
+        self.socket = create_connection(page["webSocketDebuggerUrl"], suppress_origin=True)
+
+    def __call__(self, kind: str, x: float, y: float) -> None:
+        held = {"button": "left", "buttons": 1, "clickCount": 1} if kind != "mouseMoved" else {"button": "left", "buttons": 1}
+        self.socket.send(json.dumps({"id": 1, "method": "Input.dispatchMouseEvent", "params": {"type": kind, "x": x, "y": y, **held}}))
+
+
+def measure(page, lab, name: str, port: int, seconds: float = 5.0, presses: int = 40) -> dict[str, float]:
+    """measure(page, lab, "labkit", port) -> the figures of one technique, times in ms; `port` is the browser's for debugging."""
     lab.write("latency", [SETUP, CELLS[name]])
     open_notebook(page, lab, "latency")
     run_all(page)
@@ -154,21 +194,24 @@ def measure(page, lab, name: str, seconds: float = 5.0, presses: int = 20) -> di
     def at(share: float) -> float:
         return box["x"] + (0.1 + 0.8 * share) * box["width"]
 
-    begun = time.time()
     page.mouse.move(at(0.0), y)
-    page.mouse.down()
-    while (passed := time.time() - begun) < seconds:
-        page.mouse.move(at(abs((2 * passed / seconds + 1) % 2 - 1)), y)  # there and back
-        time.sleep(0.012)
-    page.mouse.up()
+    mouse = Mouse(port, lab.address)
+    begun = time.time()
+    mouse("mousePressed", at(0.0), y)
+    for k in range(1, int(60 * seconds)):
+        time.sleep(max(0.0, begun + k / 60 - time.time()))
+        mouse("mouseMoved", at(abs((2 * k / (60 * seconds) + 1) % 2 - 1)), y)  # there and back
+    mouse("mouseReleased", at(0.0), y)
     released = time.time()
     time.sleep(2.5)
     dragged = read(page, lab, begun)
-    (page.locator(".labkit-range").last if name == "labkit" else page.locator(".noUi-handle").last).focus()
+    (page.locator(".labkit-range").last if name in ("floor", "labkit") else page.locator(".noUi-handle").last).focus()
+    page.keyboard.press("ArrowRight")  # Lab's first key takes half a second, whatever it does
+    time.sleep(2)
     pressed = time.time()
     for _ in range(presses):
         page.keyboard.press("ArrowRight")
-        time.sleep(0.5)
+        time.sleep(0.4)
     keys = read(page, lab, pressed)
     moving = [picture for _, picture, _ in dragged if picture <= released]
     return {
@@ -205,13 +248,16 @@ def main(names: list[str] | None = None) -> int:
         print(f"left out: {name} (pip install {NEEDS[name]})")
     print(f"{os.cpu_count()} processors; load before it began: {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else f"{os.cpu_count()} processors")
     rows = {}
-    with tempfile.TemporaryDirectory() as folder, open_browser() as browser:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with tempfile.TemporaryDirectory() as folder, open_browser(f"--remote-debugging-port={port}") as browser:
         (Path(folder) / "notebooks").mkdir()
         with running_lab(Path(folder)) as lab:
             for name in (name for name in names if name not in missing):
                 page = browser.new_page(viewport={"width": 1300, "height": 1000})
                 page.set_default_timeout(90_000)
-                rows[name] = measure(page, lab, name)
+                rows[name] = measure(page, lab, name, port)
                 page.close()
                 lab.end_kernels()
                 print_row(name, rows[name], head=len(rows) == 1)
