@@ -138,16 +138,17 @@ class Figure(matplotlib.figure.Figure):
 
     def png(self, dpi: float = PNG_DPI) -> bytes:
         """fig.png() -> the picture as PNG bytes: a palette, no date, no version; artists marked animated included."""
-        buffer, engine, before = io.BytesIO(), self.get_layout_engine(), (self.dpi, self.frozen)
+        buffer, engine, before = io.BytesIO(), super().get_layout_engine(), (self.dpi, self.frozen)
         with rc_context(STYLE):
             try:
                 self.dpi = dpi
-                if self.axes and engine is not None:
+                if self.axes and engine is not None and not self.frozen:
                     engine.execute(self)
                 self.frozen = True  # it is laid out now: savefig would draw everything twice for that
                 self.savefig(buffer, format="rgba", dpi=dpi)  # the saving path: it draws animated artists as well
             finally:
                 self.dpi, self.frozen = before
+                self.set_layout_engine(engine)  # savefig puts back the one that it has met: none
         width = int(self.get_figwidth() * dpi + 0.5)
         pixels = buffer.tell() // 4  # Matplotlib's own rounding may differ by one pixel from ours
         width = next(w for w in (width, width - 1, width + 1) if pixels % w == 0 and abs(pixels / w - self.get_figheight() * dpi) < 1.5)
