@@ -179,12 +179,13 @@ def _palette_png(rgb: Image.Image) -> bytes:
     The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum coverage, which keeps
     the hue of a single thin line where median cut spends the palette on shades of the background.
     """
-    counted = sorted(rgb.getcolors(rgb.width * rgb.height), key=lambda pair: (-pair[0], pair[1]))
+    counted = sorted(rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height), key=lambda pair: (-pair[0], pair[1]))
     found = np.array([color for _, color in counted], dtype=np.int32)
     key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
     place = np.zeros(1 << 24, dtype=np.uint8)  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
+    each = Image.fromarray(found.astype(np.uint8)[None])  # every colour once is enough for maximum coverage
     for colors in (128, 64, 32, 20):
-        rest = rgb.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+        rest = each.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
         table = np.concatenate([found[: colors // 2], np.array(rest, dtype=np.int32).reshape(-1, 3)[: colors // 2]])
         for part in np.array_split(found, len(found) // 4096 + 1):
             place[part @ [1 << 16, 1 << 8, 1]] = ((part[:, None, :] - table) ** 2).sum(axis=2).argmin(axis=1)
