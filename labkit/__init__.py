@@ -8,10 +8,15 @@ Names load on first use, so `import labkit` costs next to nothing and works befo
 
 from __future__ import annotations
 
+import gc
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
+
+# Libraries and figures make many objects that stay. To look for cyclic garbage among them after every 700 new ones, which is
+# Python's rule, takes half a second of a notebook.
+gc.set_threshold(max(gc.get_threshold()[0], 10_000), *gc.get_threshold()[1:])
 
 _HOMES = {
     "model": "At Every Mode ModelError Output Parameter System Transition",

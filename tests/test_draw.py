@@ -695,3 +695,13 @@ def test_later_titles_and_legends_have_the_house_style():
     assert axes.get_title(loc="left") == "late" and not axes.legend().get_frame_on()
     polar = fig.add_subplot(projection="polar")
     assert polar.name == "polar" and polar.plot([0, 1], [0, 1])[0].get_color() == "#0072B2"
+
+
+def test_png_leaves_the_figure_as_it_was(ball):
+    fig = time_plot(simulate(ball, 2.0), "y").figure
+    engine, first = fig.get_layout_engine(), fig.png()
+    assert Image.open(io.BytesIO(fig.png(200.0))).size == tuple(200 * side for side in fig.get_size_inches())
+    assert fig.get_layout_engine() is engine is not None and fig.dpi == 120 and not fig.frozen and fig.png() == first
+    place = fig.axes[0].bbox.bounds
+    fig.axes[0].set_ylabel("two\nlines")
+    assert fig.png() != first and fig.axes[0].bbox.bounds[0] > place[0]  # laid out anew

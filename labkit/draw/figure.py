@@ -14,6 +14,7 @@ import re
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,10 @@ import numpy as np
 from matplotlib import patheffects, rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.colors import to_rgb
+from matplotlib.font_manager import FontProperties, fontManager, get_font
+from matplotlib.mathtext import MathTextParser
 from PIL import Image
 
 from ..model import ModelError, System
@@ -60,6 +63,50 @@ VEIL = {"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none"
 HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
 
 
+class Renderer(RendererAgg):
+    """Agg that remembers from one figure to the next how large words and formulas are: Matplotlib measures all anew in each figure."""
+
+    _formulas = MathTextParser("path")  # parsing one takes 10 ms
+
+    def __init__(self, width: float, height: float, dpi: float):
+        super().__init__(width, height, dpi)
+        self.mathtext_parser = self._formulas
+
+    def get_text_width_height_descent(self, s: str, prop: FontProperties, ismath: Any) -> tuple[float, float, float]:
+        return _size_of_words(s, prop.copy(), ismath, self.dpi)
+
+    def _get_font_height_metrics(self, prop: FontProperties) -> tuple[float, float, float]:
+        return _size_of_lines(prop.copy(), self.dpi)
+
+
+@lru_cache(8192)
+def _size_of_words(s: str, prop: FontProperties, ismath: Any, dpi: float) -> tuple[float, float, float]:
+    return RendererAgg.get_text_width_height_descent(_measure(dpi), s, prop, ismath)
+
+
+@lru_cache(256)
+def _size_of_lines(prop: FontProperties, dpi: float) -> tuple[float, float, float]:
+    """Ascent, descent and gap of lines, as text.py reads them from the font."""
+    font = get_font(fontManager.findfont(prop))
+    line, scale = font.get_sfnt_table("OS/2"), prop.get_size_in_points() * dpi / 72 / font.get_sfnt_table("head")["unitsPerEm"]
+    return line["sTypoAscender"] * scale, -line["sTypoDescender"] * scale, line["sTypoLineGap"] * scale
+
+
+@lru_cache(4)
+def _measure(dpi: float) -> Renderer:
+    return Renderer(1, 1, dpi)
+
+
+class Canvas(FigureCanvasAgg):
+    """The canvas of a Figure: FigureCanvasAgg with our Renderer."""
+
+    def get_renderer(self) -> Renderer:
+        key = *self.get_width_height(physical=True), self.figure.dpi
+        if self._lastKey != key:
+            self.renderer, self._lastKey = Renderer(*key), key
+        return self.renderer
+
+
 class HouseAxes(Axes):
     """Axes whose later titles and legends have the house style too, not only what is there from the start."""
 
@@ -93,9 +140,17 @@ class Figure(matplotlib.figure.Figure):
 
     def png(self, dpi: float = PNG_DPI) -> bytes:
         """fig.png() -> the picture as PNG bytes: a palette, no date, no version; artists marked animated included."""
-        buffer = io.BytesIO()
+        buffer, engine, before = io.BytesIO(), super().get_layout_engine(), (self.dpi, self.frozen)
         with style():
-            self.savefig(buffer, format="rgba", dpi=dpi)  # the saving path: it draws animated artists as well
+            try:
+                self.dpi = dpi
+                if self.axes and engine is not None and not self.frozen:
+                    engine.execute(self)
+                self.frozen = True  # it is laid out now: savefig would draw everything twice for that
+                self.savefig(buffer, format="rgba", dpi=dpi)  # the saving path: it draws animated artists as well
+            finally:
+                self.dpi, self.frozen = before
+                self.set_layout_engine(engine)  # savefig puts back the one that it has met: none
         width = int(self.get_figwidth() * dpi + 0.5)
         pixels = buffer.tell() // 4  # Matplotlib's own rounding may differ by one pixel from ours
         width = next(w for w in (width, width - 1, width + 1) if pixels % w == 0 and abs(pixels / w - self.get_figheight() * dpi) < 1.5)
@@ -126,12 +181,13 @@ def _palette_png(rgb: Image.Image) -> bytes:
     The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum coverage, which keeps
     the hue of a single thin line where median cut spends the palette on shades of the background.
     """
-    counted = sorted(rgb.getcolors(rgb.width * rgb.height), key=lambda pair: (-pair[0], pair[1]))
+    counted = sorted(rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height), key=lambda pair: (-pair[0], pair[1]))
     found = np.array([color for _, color in counted], dtype=np.int32)
     key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
     place = np.zeros(1 << 24, dtype=np.uint8)  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
+    each = Image.fromarray(found.astype(np.uint8)[None])  # every colour once is enough for maximum coverage
     for colors in (128, 64, 32, 20):
-        rest = rgb.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+        rest = each.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
         table = np.concatenate([found[: colors // 2], np.array(rest, dtype=np.int32).reshape(-1, 3)[: colors // 2]])
         for part in np.array_split(found, len(found) // 4096 + 1):
             place[part @ [1 << 16, 1 << 8, 1]] = ((part[:, None, :] - table) ** 2).sum(axis=2).argmin(axis=1)
@@ -157,7 +213,7 @@ def figure(rows: int = 1, columns: int = 1, width: float = 9.0, height: float = 
         raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
     with style():
         fig = Figure(figsize=(width, height), dpi=PNG_DPI, layout="constrained")
-        FigureCanvasAgg(fig)
+        Canvas(fig)
         if rows * columns:
             fig.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False,
                          gridspec_kw={"height_ratios": heights, "width_ratios": widths})

@@ -87,9 +87,10 @@ def _c_function(text: str, make: Callable[[], tuple[Callable, object]]) -> tuple
     path, context = _kept(text), cpu_target.target_context
     with global_compiler_lock:
         try:
-            data = pickle.loads(path.read_bytes())
-            context.refresh()
-            result = CompileResult._rebuild(context, *data)
+            data = path.read_bytes()
+            if b"NRT_" in data or b"_numba_hashsecret" in data:  # arrays or texts are made inside: the code calls what the rest of Numba brings along,
+                context.refresh()  # which takes half a second
+            result = CompileResult._rebuild(context, *pickle.loads(data))
         except Exception:  # missing, damaged, written by another version: it is only a cache
             function, signature = make()
             result = CFunc(function, (signature.args, signature.return_type), {}, {"error_model": "numpy"})._compile_uncached()

@@ -11,8 +11,11 @@ methods their own interpolants, which are polynomials too.
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -56,15 +59,10 @@ def _fixed(A: list[list[float]], B: list[float], C: list[float], P: np.ndarray |
 
 
 def _dop853() -> Table:
-    from scipy.integrate import DOP853 as S
-
-    rows, stages = 16, S.n_stages
-    A = np.zeros((rows, rows))
-    A[:stages, :stages], A[stages, :stages] = S.A[:stages, :stages], S.B
-    A[13:, :] = S.A_EXTRA
+    S = _from_scipy("dop853_coefficients")
+    rows, stages = S.N_STAGES_EXTENDED, S.N_STAGES
     E = np.zeros((2, rows))
     E[0, : stages + 1], E[1, : stages + 1] = S.E5, S.E3
-    C = np.concatenate([S.C[:stages], [1.0], S.C_EXTRA])
     # The interpolant is F0·x + F1·x(1−x) + F2·x²(1−x) + …. The F are formed first and turned into powers of x
     # with small whole numbers: their sum at x = 1 then cancels to rounding, which it does not with the product W·Q.
     F = np.zeros((7, rows))
@@ -80,7 +78,20 @@ def _dop853() -> Table:
     for i in range(7):
         basis = basis * ([0, 1] if i % 2 == 0 else [1, -1])
         Q[: i + 1, i] = basis.coef[1:]
-    return Table(stages, 8, A, C, E, F.T.copy(), Q)
+    return Table(stages, 8, S.A, S.C, E, F.T.copy(), Q)
+
+
+def _from_scipy(file: str, owner: str = "") -> SimpleNamespace:
+    """The numbers that a file of SciPy, or a class in it, assigns; scipy.integrate itself takes half a second to import, and most runs need no more of it."""
+    import scipy
+
+    path = Path(scipy.__file__).parent / "integrate" / "_ivp" / f"{file}.py"
+    body = ast.parse(path.read_text(encoding="utf8")).body
+    if owner:
+        body = next(node.body for node in body if isinstance(node, ast.ClassDef) and node.name == owner)
+    space = {"np": np}
+    exec(compile(ast.Module([node for node in body if isinstance(node, ast.Assign | ast.AugAssign)], []), str(path), "exec"), space)
+    return SimpleNamespace(**space)
 
 
 @cache
@@ -94,8 +105,7 @@ def explicit(method: str) -> Table:
         return _fixed([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], [1 / 6, 1 / 3, 1 / 3, 1 / 6], [0, 0.5, 0.5, 1])
     if method == "DOP853":
         return _dop853()
-    from scipy.integrate import RK45 as S
-
+    S = _from_scipy("rk", "RK45")
     A = np.zeros((7, 7))
     A[:6, :5], A[6, :6] = S.A, S.B
     E = np.zeros((2, 7))
