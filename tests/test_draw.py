@@ -428,11 +428,11 @@ def test_a_jump_through_zero_is_no_nullcline():
 def test_direction_field_points_along_the_flow_on_paper():
     system = linear([[0, 1], [-1, 0]])
     layer = direction_field(system, limits=((-2.0, 2.0), (-200.0, 200.0)))
-    arrows = [stroke for stroke in segments(layer.lines[0])]
-    assert len(arrows) >= 15 * 5
+    strokes = segments(layer.lines[0])
+    assert len(strokes) >= 2 * 15 * 5
     lengths = []
-    for stroke in arrows:
-        tail, tip = stroke[0], stroke[1]
+    for (tail, tip), head in zip(strokes[::2], strokes[1::2], strict=True):
+        np.testing.assert_array_equal(head[1], tip)
         x, v = (tail + tip) / 2
         flow, way = np.array([v / 4, -x / 400]), (tip - tail) / [4, 400]
         assert np.cross(np.append(flow, 0), np.append(way, 0))[2] == pytest.approx(0, abs=1e-9 * np.hypot(*flow))
