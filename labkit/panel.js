@@ -146,7 +146,7 @@ function draw(context, op, draft) {
   if (op.bitmap) context.drawImage(op.bitmap, op.image[0], op.image[1]);
   else {
     const width = draft && !op.dash ? Math.min(op.width, Math.max(1, op.width - 0.5)) : op.width; // a line of one pixel is painted six times as fast
-    Object.assign(context, { fillStyle: op.fill, strokeStyle: op.stroke, lineWidth: width, lineCap: op.cap, lineJoin: width < 3 ? "miter" : op.join, miterLimit: 4 });
+    Object.assign(context, { fillStyle: op.fill, strokeStyle: op.stroke, lineWidth: width, lineCap: op.cap, lineJoin: draft && width < 3 ? "miter" : op.join, miterLimit: 4 });
     if (op.dash) [context.lineDashOffset] = op.dash;
     if (op.dash) context.setLineDash(op.dash.slice(1));
     const places = op.places || [0, 0];
