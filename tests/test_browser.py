@@ -14,40 +14,9 @@ from PIL import Image
 from labkit.notebooks import WIDGET, strip
 
 from .helpers import FOLDER, NOTEBOOKS, source
-from .lab import open_browser, open_notebook, run_all, running_lab
+from .lab import CELLS, HANDS, open_browser, open_notebook, run_all, running_lab
 
-SMALL = "small"  # a notebook of this file, beside the real ones
-CELLS = [
-    """\
-from labkit import Mode, Parameter, System, explore, simulate, time_plot
-
-def flow(t, s, p):
-    return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
-
-system = System("oscillator", {"x": "m", "v": "m/s"}, {"omega": Parameter(2.0, "rad/s", "frequency", 1.0, 6.0), "delta": Parameter(0.1, "1/s", "damping", 0.0, 1.0)},
-                [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
-horizon = 10.0
-
-def verdict(run):
-    return f"damping {run.p.delta:.3f}, {1 / (1 - run.p.delta):.3f}"
-""",
-    'explore(system, horizon, lambda run: time_plot(run, "x", height=3), verdict=verdict)',
-]
-
-HANDS = """\
-from labkit import Motion, figure, phase_portrait
-
-def mechanism(sketch, s):
-    sketch.block((3 + s.x, 0.6), 1.0, 0.8, "m")
-
-def draw(run):
-    fig = figure(0, width=9, height=4)
-    grid = fig.add_gridspec(2, 2)
-    axes = [fig.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
-    return [time_plot(run, "x", axes=axes[0], title=""), Motion(axes[1], mechanism, 6, 1.5), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])]
-
-explore(system, horizon, draw, presets={"no damping": {"delta": 0.0}})
-"""
+SMALL = "small"  # a notebook of the tests, beside the real ones
 
 
 @pytest.fixture(scope="module")
