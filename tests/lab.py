@@ -127,11 +127,12 @@ def open_notebook(page, lab: Lab, name: str) -> None:
 
 
 def run_all(page) -> None:
-    """Runs all cells and waits until the last one is done."""
-    page.locator(".lm-MenuBar-item", has_text="Run").click()
-    page.get_by_text("Run All Cells", exact=True).click()
+    """Runs all cells and waits until the last one is done; numbers of an earlier run are cleared away before."""
+    for menu, entry in (("Edit", "Clear Outputs of All Cells"), ("Run", "Run All Cells")):
+        page.locator(".lm-MenuBar-item", has_text=menu).click()
+        page.get_by_text(entry, exact=True).click()
     page.wait_for_function("""() => {
-        const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].filter((cell) => cell.querySelector('.cm-content').textContent.trim());
-        return cells.every((cell) => /\\[\\d+\\]/.test(cell.querySelector('.jp-InputPrompt').textContent));
+        const prompts = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].map((cell) => [cell.querySelector('.cm-content'), cell.querySelector('.jp-InputPrompt')]);
+        return prompts.length && prompts.every(([text, prompt]) => (text && prompt && !text.textContent.trim()) || /\\[\\d+\\]/.test(prompt?.textContent));
     }""", timeout=180_000)
     page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
