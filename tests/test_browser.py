@@ -6,16 +6,21 @@ import json
 import os
 import re
 import shutil
+import socket
+import subprocess
+import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from labkit.__main__ import lab_environment, show_command, warm
 from labkit.notebooks import WIDGET, strip
 
-from .helpers import FOLDER, NOTEBOOKS, source
-from .lab import CELLS, HANDS, open_browser, open_notebook, run_all, running_lab
+from .helpers import FOLDER, NOTEBOOKS, ROOT, read, source
+from .lab import CELLS, HANDS, Lab, open_browser, open_notebook, run_all, running_lab
 
 SMALL = "small"  # a notebook of the tests, beside the real ones
 
@@ -150,7 +155,7 @@ def test_it_opens_runs_and_slides(page, lab, name):
     open_notebook(page, lab, name)
     if "image/png" in json.dumps(lab.saved(name)):
         assert until(lambda: walk(page) or page.locator(".jp-OutputArea img").count() > 0)  # pictures are there before anything is run
-    assert page.locator(".labkit-panel").count() == 0
+    assert page.locator(".labkit-panel").count() == 0 and "model not found" not in page.locator(".jp-Notebook").inner_text()
     run_all(page)
     made = panels(page, any("explore(" in source(cell) for cell in lab.saved(name)["cells"] if cell["cell_type"] == "code"))
     assert failures(page) == []
@@ -445,3 +450,84 @@ def test_it_fits_the_page(page, lab, width):
         box = control.bounding_box()
         assert room["x"] <= box["x"] and box["x"] + box["width"] <= room["x"] + room["width"] + 1
     assert page.evaluate("document.querySelector('.labkit-panel').scrollWidth <= document.querySelector('.labkit-panel').clientWidth")
+
+
+# ---- without JupyterLab
+
+
+def watched(browser, own):
+    """A page that keeps what went wrong and which addresses other than its own it asked for (they get no answer)."""
+    page = browser.new_page(viewport={"width": 1300, "height": 1000})
+    page.set_default_timeout(90_000)
+    page.problems, page.foreign = [], []
+    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    page.on("console", lambda message: page.problems.append(message.text) if message.type == "error" else None)
+
+    def foreign(route):
+        page.foreign.append(route.request.url)
+        route.abort()
+
+    page.route(lambda url: not url.startswith((own, "data:", "blob:")), foreign)
+    return page
+
+
+@pytest.fixture
+def app(tmp_path):
+    """The address of Voilà, started as `python -m labkit show` starts it, with the small notebook for all hands."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    Lab.write(SimpleNamespace(folder=tmp_path), "hands", [CELLS[0], HANDS])
+    command = [str(tmp_path / "hands.ipynb") if word.endswith(".ipynb") else word for word in show_command(["part3/06", "--no-browser", f"--port={port}"])]
+    environment = lab_environment() | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])), "LABKIT_CHECK": "0"}
+    warm()
+    with open(tmp_path / "server.log", "w") as log, subprocess.Popen(command, env=environment, cwd=tmp_path, stdout=log, stderr=subprocess.STDOUT) as server:
+        def answers():
+            assert server.poll() is None, (tmp_path / "server.log").read_text()
+            with socket.socket() as door:
+                return door.connect_ex(("127.0.0.1", port)) == 0
+
+        assert until(answers, 90)
+        yield f"http://localhost:{port}/"
+        server.terminate()
+
+
+def test_one_notebook_as_an_app(browser, app):
+    """python -m labkit show: the code is hidden, the panel lives, and nothing comes from elsewhere."""
+    page = watched(browser, app)
+    page.goto(app)
+    panel = page.locator(".labkit-panel")
+    panel.wait_for()
+    pictures(page, panel, 1)
+    settled(page, panel)
+    assert page.locator(".jp-InputArea").count() == 0 and "def draw" not in page.content()
+    remember(panel)
+    before = settled(page, panel)
+    assert drag(page, panel, 0.8, slider=1) > before and changed(panel) > 0.003
+    canvas, clear = panel.locator("canvas"), panel.get_by_role("button", name="Clear")
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    box = canvas.bounding_box()
+    page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
+    clear.wait_for()
+    panel.get_by_role("button", name="Play").click()
+    assert until(lambda: instant(panel) > 0.5)
+    panel.get_by_role("button", name="Pause").click()
+    assert verdict_says_nothing_wrong(panel) and page.problems == [] and page.foreign == []
+    page.close()
+
+
+def test_an_exported_page_shows_the_saved_pictures(browser, tmp_path):
+    name = "part1/00_sample_stable_spiral"
+    subprocess.run([sys.executable, "-m", "nbconvert", "--to", "html", "--output-dir", tmp_path, "--output", "page", FOLDER / f"{name}.ipynb"], check=True, capture_output=True)
+    outputs = [output.get("data", {}) for cell in read(name)["cells"] for output in cell.get("outputs", [])]
+    made = sum("image/png" in data for data in outputs)
+    assert made > 1 and any("panel of" in "".join(data.get("text/plain", "")) for data in outputs)
+    page = watched(browser, "file:")
+    page.goto((tmp_path / "page.html").as_uri())
+    images = page.locator(".jp-OutputArea img")
+    images.nth(made - 1).wait_for(state="attached")
+    assert images.count() == made and all(images.evaluate_all("images => images.map((image) => image.complete && image.naturalWidth > 300)"))
+    text = page.locator("body").inner_text()
+    assert "not found" not in text and "panel of" not in text and WIDGET not in page.content()
+    assert [problem for problem in page.problems if "ERR_FAILED" not in problem] == []  # formulas come from the network, and here nothing does
+    page.close()
