@@ -34,6 +34,7 @@ from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
 from labkit.run import Event, Run, Runs, Work
 from labkit.solve import simulate
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 PLAIN = {"backend": "plain"}
@@ -657,3 +658,40 @@ def test_later_titles_and_legends_have_the_house_style():
     assert axes.get_title(loc="left") == "late" and not axes.legend().get_frame_on()
     polar = fig.add_subplot(projection="polar")
     assert polar.name == "polar" and polar.plot([0, 1], [0, 1])[0].get_color() == "#0072B2"
+
+
+# ---- colours
+
+
+# Full loss of one kind of cone, on linear RGB: Machado, Oliveira and Fernandes (2009), severity 1.
+EYES = {
+    "normal": np.eye(3),
+    "protanopia": np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
+    "deuteranopia": np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]),
+    "tritanopia": np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]),
+}
+
+
+def cielab(color, eyes):
+    """CIE L*, a*, b* (D65) of a colour as those eyes see it."""
+    rgb = np.array(to_rgb(color))
+    linear_rgb = np.clip(eyes @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), 0, 1)
+    xyz = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]]) @ linear_rgb / [0.9505, 1, 1.0888]
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("eyes", EYES)
+def test_colours_are_told_apart_by_all_common_kinds_of_colour_vision(eyes):
+    seen = [cielab(color, EYES[eyes]) for color in (*COLORS, "white")]
+    away = [[np.linalg.norm(one - other) for other in seen] for one in seen]
+    pairs = [(away[i][j], i, j) for i in range(len(seen)) for j in range(i)]
+    assert min(pairs)[0] > 9  # of all, and what is used first is further apart; 2.3 is just noticeable
+    assert min(pair for pair in pairs if pair[1] < 6)[0] > 15
+
+
+def test_curves_and_runs_are_told_apart_in_grey_print():
+    run = simulate(linear([[0, 1], [-1, 0]]), 5.0)
+    view = time_plot(run, ("x", "v"))
+    looks = {line.get_linestyle() if line.get_linestyle() == "-" else str(line._unscaled_dash_pattern) for line in view.figure.axes[0].lines if len(line.get_xdata()) > 10}
+    assert len(looks) == 2
