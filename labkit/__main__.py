@@ -164,8 +164,9 @@ def lab_command(*options: str, folder: Path = ROOT) -> list[str]:
 
 def lab_environment() -> dict[str, str]:
     """The settings in labkit/jupyter; and the environment's own kernel goes before one of the same name in the user's home."""
-    settings = [str(Path(__file__).with_name("jupyter")), os.environ.get("JUPYTER_CONFIG_PATH")]
-    return os.environ | {"JUPYTER_CONFIG_PATH": os.pathsep.join(filter(None, settings)), "JUPYTER_PREFER_ENV_PATH": "1"}
+    own = str(Path(__file__).with_name("jupyter"))
+    paths = {key: os.pathsep.join(filter(None, [own, os.environ.get(key)])) for key in ("JUPYTER_CONFIG_PATH", "JUPYTER_PATH")}  # settings; Voilà's template
+    return os.environ | paths | {"JUPYTER_PREFER_ENV_PATH": "1"}
 
 
 def lab(options: list[str]) -> int:
@@ -187,7 +188,7 @@ def show_command(words: list[str]) -> list[str]:
     if len(meant) != 1:
         what = f"{name!r} is {'no notebook' if not meant else 'not one notebook'}" if name else "which notebook?"
         raise SetupError(f"{what}; say one of: {', '.join(meant or paths)}")
-    return [sys.executable, "-m", "voila", str(paths[meant[0]]), "--VoilaConfiguration.show_tracebacks=True", *words[1:]]
+    return [sys.executable, "-m", "voila", str(paths[meant[0]]), "--template=labkit", "--VoilaConfiguration.show_tracebacks=True", *words[1:]]
 
 
 def show(words: list[str]) -> int:

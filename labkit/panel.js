@@ -146,7 +146,7 @@ function draw(context, op, draft) {
   if (op.bitmap) context.drawImage(op.bitmap, op.image[0], op.image[1]);
   else {
     const width = draft && !op.dash ? Math.min(op.width, Math.max(1, op.width - 0.5)) : op.width; // a line of one pixel is painted six times as fast
-    Object.assign(context, { fillStyle: op.fill, strokeStyle: op.stroke, lineWidth: width, lineCap: op.cap, lineJoin: width < 3 ? "miter" : op.join, miterLimit: 4 });
+    Object.assign(context, { fillStyle: op.fill, strokeStyle: op.stroke, lineWidth: width, lineCap: op.cap, lineJoin: draft && width < 3 ? "miter" : op.join, miterLimit: 4 });
     if (op.dash) [context.lineDashOffset] = op.dash;
     if (op.dash) context.setLineDash(op.dash.slice(1));
     const places = op.places || [0, 0];
@@ -346,10 +346,11 @@ function render({ model, el }) {
   const listen = (name, action, options) => canvas.addEventListener(name, action, options);
   listen("pointerdown", (event) => {
     const [x, y, scale] = place(event);
+    const shifts = event.pointerType !== "touch" || document.activeElement === canvas; // until it has the focus, a finger scrolls the page
     canvas.focus({ preventScroll: true });
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, [x, y]);
-    press = { x, y, grip: grip(x, y, (event.pointerType === "touch" ? 24 : 12) * scale), axes: over(x, y), moved: pointers.size > 1 };
+    press = { x, y, grip: grip(x, y, (event.pointerType === "touch" ? 24 : 12) * scale), axes: over(x, y), moved: pointers.size > 1, shifts };
     if (press.grip >= 0) chosen = press.grip;
     if (press.axes >= 0) current = press.axes;
   });
@@ -368,18 +369,22 @@ function render({ model, el }) {
     pointers.set(event.pointerId, [x, y]);
     if (other && press.axes >= 0) zoom(press.axes, Math.hypot(oldX - other[0], oldY - other[1]) / Math.hypot(x - other[0], y - other[1]), (x + other[0]) / 2, (y + other[1]) / 2);
     else if (press.grip >= 0) ask("drag", { handle: press.grip, x, y, settled: false });
-    else if (press.axes >= 0) shift(press.axes, x - oldX, y - oldY);
+    else if (press.axes >= 0 && press.shifts) shift(press.axes, x - oldX, y - oldY);
   });
   const lifted = (event) => {
     const [x, y] = place(event);
     pointers.delete(event.pointerId);
     if (!press || pointers.size) return;
+    if (event.type === "pointercancel") {
+      press = null;
+      return canvas.blur(); // the finger scrolls the page, and so will the next one
+    }
     if (press.grip >= 0 && press.moved) ask("drag", { handle: press.grip, x, y, settled: true });
     [press.x, press.y] = [x, y];
-    if (event.type === "pointercancel") press = null;
   };
   listen("pointerup", lifted);
   listen("pointercancel", lifted);
+  listen("touchmove", (event) => event.cancelable && (event.touches.length > 1 || press?.grip >= 0) && event.preventDefault(), { passive: false }); // no scrolling
   listen("click", (event) => {
     if (!press || press.moved || press.axes < 0 || event.detail > 1) return;
     const { axes, x, y } = press;
@@ -448,7 +453,8 @@ function render({ model, el }) {
     if (!act && !arrow) return;
     event.preventDefault();
     if (act) return act();
-    const far = (event.shiftKey ? 0.1 : 0.01) * width;
+    const own = ring && !event.altKey && over(...ring) >= 0 ? info.axes[over(...ring)].box[2] : width; // a ring moves by the width of its own axes
+    const far = (event.shiftKey ? 0.1 : 0.01) * own;
     if (event.altKey) shift(current, -5 * far * arrow[0], -5 * far * arrow[1]);
     else if (ring) ask("drag", { handle: chosen, x: (ring[0] += far * arrow[0]), y: (ring[1] += far * arrow[1]), settled: false });
     else if (arrow[0]) cursor((info.t ?? info.span[0]) + arrow[0] * (event.shiftKey ? 0.1 : 0.01) * (info.span[1] - info.span[0]));

@@ -22,6 +22,38 @@ from .helpers import ROOT, find_browser
 
 FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 KERNEL = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}}
+# Two small notebooks: a panel, and all that hands can do.
+CELLS = [
+    """\
+from labkit import Mode, Parameter, System, explore, simulate, time_plot
+
+def flow(t, s, p):
+    return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
+
+system = System("oscillator", {"x": "m", "v": "m/s"}, {"omega": Parameter(2.0, "rad/s", "frequency", 1.0, 6.0), "delta": Parameter(0.1, "1/s", "damping", 0.0, 1.0)},
+                [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
+horizon = 10.0
+
+def verdict(run):
+    return f"damping {run.p.delta:.3f}, {1 / (1 - run.p.delta):.3f}"
+""",
+    'explore(system, horizon, lambda run: time_plot(run, "x", height=3), verdict=verdict)',
+]
+
+HANDS = """\
+from labkit import Motion, figure, phase_portrait
+
+def mechanism(sketch, s):
+    sketch.block((3 + s.x, 0.6), 1.0, 0.8, "m")
+
+def draw(run):
+    fig = figure(0, width=9, height=4)
+    grid = fig.add_gridspec(2, 2)
+    axes = [fig.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
+    return [time_plot(run, "x", axes=axes[0], title=""), Motion(axes[1], mechanism, 6, 1.5), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])]
+
+explore(system, horizon, draw, presets={"no damping": {"delta": 0.0}})
+"""
 
 
 class Lab:
@@ -95,11 +127,12 @@ def open_notebook(page, lab: Lab, name: str) -> None:
 
 
 def run_all(page) -> None:
-    """Runs all cells and waits until the last one is done."""
-    page.locator(".lm-MenuBar-item", has_text="Run").click()
-    page.get_by_text("Run All Cells", exact=True).click()
+    """Runs all cells and waits until the last one is done; numbers of an earlier run are cleared away before."""
+    for menu, entry in (("Edit", "Clear Outputs of All Cells"), ("Run", "Run All Cells")):
+        page.locator(".lm-MenuBar-item", has_text=menu).click()
+        page.get_by_text(entry, exact=True).click()
     page.wait_for_function("""() => {
-        const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].filter((cell) => cell.querySelector('.cm-content').textContent.trim());
-        return cells.every((cell) => /\\[\\d+\\]/.test(cell.querySelector('.jp-InputPrompt').textContent));
+        const prompts = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].map((cell) => [cell.querySelector('.cm-content'), cell.querySelector('.jp-InputPrompt')]);
+        return prompts.length && prompts.every(([text, prompt]) => (text && prompt && !text.textContent.trim()) || /\\[\\d+\\]/.test(prompt?.textContent));
     }""", timeout=180_000)
     page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()

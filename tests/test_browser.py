@@ -4,50 +4,25 @@ import base64
 import io
 import json
 import os
+import re
 import shutil
+import socket
+import subprocess
+import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from labkit.__main__ import lab_environment, show_command, warm
 from labkit.notebooks import WIDGET, strip
 
-from .helpers import FOLDER, NOTEBOOKS, source
-from .lab import open_browser, open_notebook, run_all, running_lab
+from .helpers import FOLDER, NOTEBOOKS, ROOT, read, source
+from .lab import CELLS, HANDS, Lab, open_browser, open_notebook, run_all, running_lab
 
-SMALL = "small"  # a notebook of this file, beside the real ones
-CELLS = [
-    """\
-from labkit import Mode, Parameter, System, explore, simulate, time_plot
-
-def flow(t, s, p):
-    return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
-
-system = System("oscillator", {"x": "m", "v": "m/s"}, {"omega": Parameter(2.0, "rad/s", "frequency", 1.0, 6.0), "delta": Parameter(0.1, "1/s", "damping", 0.0, 1.0)},
-                [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
-horizon = 10.0
-
-def verdict(run):
-    return f"damping {run.p.delta:.3f}, {1 / (1 - run.p.delta):.3f}"
-""",
-    'explore(system, horizon, lambda run: time_plot(run, "x", height=3), verdict=verdict)',
-]
-
-HANDS = """\
-from labkit import Motion, figure, phase_portrait
-
-def mechanism(sketch, s):
-    sketch.block((3 + s.x, 0.6), 1.0, 0.8, "m")
-
-def draw(run):
-    fig = figure(0, width=9, height=4)
-    grid = fig.add_gridspec(2, 2)
-    axes = [fig.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
-    return [time_plot(run, "x", axes=axes[0], title=""), Motion(axes[1], mechanism, 6, 1.5), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])]
-
-explore(system, horizon, draw, presets={"no damping": {"delta": 0.0}})
-"""
+SMALL = "small"  # a notebook of the tests, beside the real ones
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +55,27 @@ def page(browser, lab):
     lab.end_kernels()
 
 
+def walk(page):
+    """Shows every cell for a moment: Lab puts what is in a cell into the page when it comes near."""
+    page.evaluate("""async () => {
+        for (const cell of document.querySelectorAll('.jp-NotebookPanel:not(.lm-mod-hidden) .jp-Cell')) {
+            cell.scrollIntoView();
+            await new Promise((shown) => setTimeout(shown, 30));
+        }
+    }""")
+
+
 def failures(page):
     kinds = ("application/vnd.jupyter.error", "application/vnd.jupyter.stderr")
     return [text for kind in kinds for text in page.locator(f'.jp-Notebook [data-mime-type="{kind}"]').all_inner_texts()]
 
 
-def panels(page):
+def panels(page, least=1):
+    """All panels, `least` or more, each once it has painted its first picture; Lab makes widgets when their cells come near."""
+    assert until(lambda: walk(page) or page.evaluate("""least => {
+        const views = [...document.querySelectorAll('.jp-Notebook .jp-OutputArea-output:not([data-mime-type])')]; // of widgets
+        return views.length >= least && views.every((view) => view.querySelector('.labkit-panel canvas'));
+    }""", least), 90)
     found = page.locator(".labkit-panel")
     for k in range(found.count()):
         found.nth(k).scroll_into_view_if_needed()
@@ -138,7 +128,7 @@ def drag(page, panel, part, slider=0):
     return settled(page, panel)
 
 
-def until(check, seconds=15):
+def until(check, seconds=60):
     """Waits until check() is true: a machine with much to do takes its time for a redraw."""
     deadline = time.monotonic() + seconds
     while not check() and time.monotonic() < deadline:
@@ -147,13 +137,14 @@ def until(check, seconds=15):
 
 
 def settled(page, panel):
-    """Waits until no new picture comes for half a second."""
-    last, since = None, time.monotonic()
-    while time.monotonic() - since < 0.5:
-        if (now := panel.locator("canvas").get_attribute("data-seq")) != last:
+    """Waits until no new picture comes for 0.7 s and the panel waits for none: it says so when an answer takes longer than 0.4 s."""
+    last, since, deadline = None, time.monotonic(), time.monotonic() + 90
+    while time.monotonic() - since < 0.7 and time.monotonic() < deadline:
+        now = panel.evaluate("panel => [panel.querySelector('canvas').dataset.seq, 'late' in panel.querySelector('.labkit-verdict').dataset]")
+        if now != last or now[1]:
             last, since = now, time.monotonic()
         time.sleep(0.05)
-    return int(last)
+    return int(last[0])
 
 
 # ---- every notebook
@@ -163,12 +154,11 @@ def settled(page, panel):
 def test_it_opens_runs_and_slides(page, lab, name):
     open_notebook(page, lab, name)
     if "image/png" in json.dumps(lab.saved(name)):
-        assert page.locator(".jp-OutputArea img").count() > 0  # pictures are there before anything is run
-    assert page.locator(".labkit-panel").count() == 0
+        assert until(lambda: walk(page) or page.locator(".jp-OutputArea img").count() > 0)  # pictures are there before anything is run
+    assert page.locator(".labkit-panel").count() == 0 and "model not found" not in page.locator(".jp-Notebook").inner_text()
     run_all(page)
+    made = panels(page, any("explore(" in source(cell) for cell in lab.saved(name)["cells"] if cell["cell_type"] == "code"))
     assert failures(page) == []
-    made = panels(page)
-    assert len(made) >= any("explore(" in source(cell) for cell in lab.saved(name)["cells"] if cell["cell_type"] == "code")
     for panel in made:
         remember(panel)
         first = pictures(page, panel, 1)
@@ -187,8 +177,8 @@ def test_the_panel(page, lab):
     """One after the other, since starting costs most: drag, keys, typing, an error, reset, export, save, reopen."""
     open_notebook(page, lab, SMALL)
     run_all(page)
-    assert failures(page) == []
     (panel,) = panels(page)
+    assert failures(page) == []
     value, verdict = panel.locator(".labkit-value"), panel.locator(".labkit-verdict")
     height = panel.bounding_box()["height"]
 
@@ -253,9 +243,7 @@ def test_the_panel(page, lab):
     # Ctrl-S saves also while the panel has the focus; the file keeps the picture and nothing of the widget.
     panel.locator(".labkit-range").first.focus()
     page.keyboard.press("Control+s")
-    deadline = time.monotonic() + 30
-    while not lab.saved(SMALL)["cells"][1]["outputs"] and time.monotonic() < deadline:
-        time.sleep(0.1)
+    assert until(lambda: lab.saved(SMALL)["cells"][1]["outputs"])
     saved = lab.saved(SMALL)
     (output,) = saved["cells"][1]["outputs"]
     assert set(output["data"]) == {"image/png", "text/plain"} and WIDGET not in json.dumps(saved)
@@ -311,7 +299,7 @@ def test_hands_and_keys(page, lab):
     reading.filter(has_text="x = ").wait_for()
     before = reading.inner_text()
     press("ArrowRight", "ArrowRight")
-    assert reading.inner_text() != before and reading.inner_text().startswith("t = ")
+    assert until(lambda: reading.inner_text() != before) and reading.inner_text().startswith("t = ")
 
     # A click in the plane starts a trajectory; it stays while a slider moves; Delete takes it away, "n" starts one from the ring.
     clear = panel.get_by_role("button", name="Clear")
@@ -383,17 +371,19 @@ def test_hands_and_keys(page, lab):
     assert until(lambda: changed(panel) < 0.001)
 
     # Play runs the cursor through the time and moves the mechanism, alone.
+    push("Reset")  # from the run's first instant, whatever the cursor showed
+    press("Escape")
     panel.get_by_role("button", name="Play").click()
-    reading.filter(has_text="t = 1.").wait_for()
+    assert until(lambda: instant(panel) > 1)
     panel.get_by_role("button", name="Pause").click()
-    settled(page, panel)
-    before = reading.inner_text()
-    page.wait_for_timeout(300)
-    assert reading.inner_text() == before
+    assert until(lambda: stands(page, panel), 5)  # it would go on for longer
+    before = instant(panel)
+    assert before < 10
     canvas.focus()
     page.keyboard.press("Space")
-    reading.filter(has_text="t = 2.").wait_for()
+    assert until(lambda: instant(panel) != before)
     page.keyboard.press("Space")
+    assert until(lambda: stands(page, panel), 5)
     settled(page, panel)
 
     # A held run, a preset, the classroom; nothing of all this has moved the page.
@@ -408,6 +398,18 @@ def test_hands_and_keys(page, lab):
     assert changed(panel) > 0.01 and canvas.bounding_box()["height"] == pytest.approx(box["height"], abs=1)
     assert panel.bounding_box()["height"] == pytest.approx(height, abs=1)
     assert verdict_says_nothing_wrong(panel) and page.problems == []
+
+
+def instant(panel):
+    """Where the cursor stands; −1 without one."""
+    found = re.match(r"t = ([\d.e−]+)", panel.locator(".labkit-reading").inner_text())
+    return float(found[1].replace("−", "-")) if found else -1.0
+
+
+def stands(page, panel):
+    before = instant(panel)
+    page.wait_for_timeout(700)
+    return instant(panel) == before
 
 
 def verdict_says_nothing_wrong(panel):
@@ -441,9 +443,91 @@ def test_it_fits_the_page(page, lab, width):
     open_notebook(page, lab, SMALL)
     run_all(page)
     (panel,) = panels(page)
+    settled(page, panel)
     room, canvas = panel.bounding_box(), panel.locator("canvas").bounding_box()
     assert canvas["x"] + canvas["width"] <= room["x"] + room["width"] + 1 and canvas["width"] / canvas["height"] == pytest.approx(864 / 288, rel=0.02)
     for control in panel.locator(".labkit-control:visible").all():
         box = control.bounding_box()
         assert room["x"] <= box["x"] and box["x"] + box["width"] <= room["x"] + room["width"] + 1
     assert page.evaluate("document.querySelector('.labkit-panel').scrollWidth <= document.querySelector('.labkit-panel').clientWidth")
+
+
+# ---- without JupyterLab
+
+
+def watched(browser, own):
+    """A page that keeps what went wrong and which addresses other than its own it asked for (they get no answer)."""
+    page = browser.new_page(viewport={"width": 1300, "height": 1000})
+    page.set_default_timeout(90_000)
+    page.problems, page.foreign = [], []
+    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    page.on("console", lambda message: page.problems.append(message.text) if message.type == "error" else None)
+
+    def foreign(route):
+        page.foreign.append(route.request.url)
+        route.abort()
+
+    page.route(lambda url: not url.startswith((own, "data:", "blob:")), foreign)
+    return page
+
+
+@pytest.fixture
+def app(tmp_path):
+    """The address of Voilà, started as `python -m labkit show` starts it, with the small notebook for all hands."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    Lab.write(SimpleNamespace(folder=tmp_path), "hands", [CELLS[0], HANDS])
+    command = [str(tmp_path / "hands.ipynb") if word.endswith(".ipynb") else word for word in show_command(["part3/06", "--no-browser", f"--port={port}"])]
+    environment = lab_environment() | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])), "LABKIT_CHECK": "0"}
+    warm()
+    with open(tmp_path / "server.log", "w") as log, subprocess.Popen(command, env=environment, cwd=tmp_path, stdout=log, stderr=subprocess.STDOUT) as server:
+        def answers():
+            assert server.poll() is None, (tmp_path / "server.log").read_text()
+            with socket.socket() as door:
+                return door.connect_ex(("127.0.0.1", port)) == 0
+
+        assert until(answers, 90)
+        yield f"http://localhost:{port}/"
+        server.terminate()
+
+
+def test_one_notebook_as_an_app(browser, app):
+    """python -m labkit show: the code is hidden, the panel lives, and nothing comes from elsewhere."""
+    page = watched(browser, app)
+    page.goto(app)
+    panel = page.locator(".labkit-panel")
+    panel.wait_for()
+    pictures(page, panel, 1)
+    settled(page, panel)
+    assert page.locator(".jp-InputArea").count() == 0 and "def draw" not in page.content()
+    remember(panel)
+    before = settled(page, panel)
+    assert drag(page, panel, 0.8, slider=1) > before and changed(panel) > 0.003
+    canvas, clear = panel.locator("canvas"), panel.get_by_role("button", name="Clear")
+    canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
+    box = canvas.bounding_box()
+    page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
+    clear.wait_for()
+    panel.get_by_role("button", name="Play").click()
+    assert until(lambda: instant(panel) > 0.5)
+    panel.get_by_role("button", name="Pause").click()
+    assert verdict_says_nothing_wrong(panel) and page.problems == [] and page.foreign == []
+    page.close()
+
+
+def test_an_exported_page_shows_the_saved_pictures(browser, tmp_path):
+    name = "part1/00_sample_stable_spiral"
+    subprocess.run([sys.executable, "-m", "nbconvert", "--to", "html", "--output-dir", tmp_path, "--output", "page", FOLDER / f"{name}.ipynb"], check=True, capture_output=True)
+    outputs = [output.get("data", {}) for cell in read(name)["cells"] for output in cell.get("outputs", [])]
+    made = sum("image/png" in data for data in outputs)
+    assert made > 1 and any("panel of" in "".join(data.get("text/plain", "")) for data in outputs)
+    page = watched(browser, "file:")
+    page.goto((tmp_path / "page.html").as_uri())
+    images = page.locator(".jp-OutputArea img")
+    images.nth(made - 1).wait_for(state="attached")
+    assert images.count() == made and all(images.evaluate_all("images => images.map((image) => image.complete && image.naturalWidth > 300)"))
+    text = page.locator("body").inner_text()
+    assert "not found" not in text and "panel of" not in text and WIDGET not in page.content()
+    assert [problem for problem in page.problems if "ERR_FAILED" not in problem] == []  # formulas come from the network, and here nothing does
+    page.close()

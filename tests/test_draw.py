@@ -35,6 +35,7 @@ from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
 from labkit.run import Event, Run, Runs, Work
 from labkit.solve import simulate
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 PLAIN = {"backend": "plain"}
@@ -466,11 +467,11 @@ def test_a_jump_through_zero_is_no_nullcline():
 def test_direction_field_points_along_the_flow_on_paper():
     system = linear([[0, 1], [-1, 0]])
     layer = direction_field(system, limits=((-2.0, 2.0), (-200.0, 200.0)))
-    arrows = [stroke for stroke in segments(layer.lines[0])]
-    assert len(arrows) >= 15 * 5
+    strokes = segments(layer.lines[0])
+    assert len(strokes) >= 2 * 15 * 5
     lengths = []
-    for stroke in arrows:
-        tail, tip = stroke[0], stroke[1]
+    for (tail, tip), head in zip(strokes[::2], strokes[1::2], strict=True):
+        np.testing.assert_array_equal(head[1], tip)
         x, v = (tail + tip) / 2
         flow, way = np.array([v / 4, -x / 400]), (tip - tail) / [4, 400]
         assert np.cross(np.append(flow, 0), np.append(way, 0))[2] == pytest.approx(0, abs=1e-9 * np.hypot(*flow))
@@ -705,3 +706,40 @@ def test_png_leaves_the_figure_as_it_was(ball):
     place = fig.axes[0].bbox.bounds
     fig.axes[0].set_ylabel("two\nlines")
     assert fig.png() != first and fig.axes[0].bbox.bounds[0] > place[0]  # laid out anew
+
+
+# ---- colours
+
+
+# Full loss of one kind of cone, on linear RGB: Machado, Oliveira and Fernandes (2009), severity 1.
+EYES = {
+    "normal": np.eye(3),
+    "protanopia": np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
+    "deuteranopia": np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]),
+    "tritanopia": np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]),
+}
+
+
+def cielab(color, eyes):
+    """CIE L*, a*, b* (D65) of a colour as those eyes see it."""
+    rgb = np.array(to_rgb(color))
+    linear_rgb = np.clip(eyes @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), 0, 1)
+    xyz = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]]) @ linear_rgb / [0.9505, 1, 1.0888]
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("eyes", EYES)
+def test_colours_are_told_apart_by_all_common_kinds_of_colour_vision(eyes):
+    seen = [cielab(color, EYES[eyes]) for color in (*COLORS, "white")]
+    away = [[np.linalg.norm(one - other) for other in seen] for one in seen]
+    pairs = [(away[i][j], i, j) for i in range(len(seen)) for j in range(i)]
+    assert min(pairs)[0] > 9  # of all, and what is used first is further apart; 2.3 is just noticeable
+    assert min(pair for pair in pairs if pair[1] < 6)[0] > 15
+
+
+def test_curves_and_runs_are_told_apart_in_grey_print():
+    run = simulate(linear([[0, 1], [-1, 0]]), 5.0)
+    view = time_plot(run, ("x", "v"))
+    looks = {line.get_linestyle() if line.get_linestyle() == "-" else str(line._unscaled_dash_pattern) for line in view.figure.axes[0].lines if len(line.get_xdata()) > 10}
+    assert len(looks) == 2

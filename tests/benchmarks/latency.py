@@ -120,7 +120,7 @@ def data(delta):
     run = simulate(system, 10.0, delta=delta)
     runs = simulate_many(system, 10.0, start=starts, delta=delta)
     view.views[2].update(run)
-    field = view.views[2].lines[0].get_xydata().reshape(-1, 6, 2)[:, :5]
+    field = view.views[2].lines[0].get_xydata().reshape(-1, 7, 2)[:, [0, 1, 3, 4, 5]]
     return run.t, np.array([run["x"], run["v"]]), runs["x"], runs["v"], field[..., 0], field[..., 1]
 t, curves, X, V, FX, FV = data(0.2)
 def plane(low, high, bottom, top):
