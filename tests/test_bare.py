@@ -8,7 +8,7 @@ import pytest
 
 from labkit import Handle, explore, figure, phase_portrait
 
-from .bare import made_by, opened, saved, shown
+from .bare import Fingers, made_by, opened, saved, shown
 from .benchmarks.latency import SETUP
 from .lab import CELLS, HANDS, open_browser
 
@@ -64,30 +64,6 @@ def hands():
     exec(CELLS[0], names)
     exec(HANDS.replace("explore(", "panel = explore("), names)
     return names["panel"]
-
-
-class Fingers:
-    """Fingers(page): touches at places of the picture, in parts of its width and height."""
-
-    def __init__(self, page):
-        self.page, self.box = page, page.locator("canvas").bounding_box()
-        self.session = page.context.new_cdp_session(page)
-
-    def __call__(self, kind, *places):
-        points = [{"x": self.box["x"] + x * self.box["width"], "y": self.box["y"] + y * self.box["height"], "id": k} for k, (x, y) in enumerate(places)]
-        self.session.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points})
-
-    def move(self, *ways, steps=10):
-        """Each finger along its way, (from, to)."""
-        self("Start", *(way[0] for way in ways))
-        for k in range(1, steps + 1):
-            self("Move", *(tuple(np.array(way[0]) + (np.array(way[1]) - way[0]) * k / steps) for way in ways))
-            self.page.wait_for_timeout(20)
-        self("End")
-
-    def tap(self, place):
-        self("Start", place)
-        self("End")
 
 
 def until(page, check, seconds=60):

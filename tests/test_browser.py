@@ -1,6 +1,5 @@
 """A real JupyterLab, started as `python -m labkit` starts it, in a headless browser: run, drag, keys, save, reopen."""
 
-import base64
 import io
 import json
 import os
@@ -14,11 +13,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from labkit.__main__ import lab_environment, show_command, warm
 from labkit.notebooks import WIDGET, strip
 
+from .bare import Fingers, pixels, shown
 from .helpers import FOLDER, NOTEBOOKS, ROOT, read, source
 from .lab import CELLS, HANDS, Lab, open_browser, open_notebook, run_all, running_lab
 
@@ -56,9 +55,9 @@ def page(browser, lab):
 
 
 def walk(page):
-    """Shows every cell for a moment: Lab puts what is in a cell into the page when it comes near."""
+    """Shows every code cell for a moment: Lab puts what is in a cell into the page when it comes near."""
     page.evaluate("""async () => {
-        for (const cell of document.querySelectorAll('.jp-NotebookPanel:not(.lm-mod-hidden) .jp-Cell')) {
+        for (const cell of document.querySelectorAll('.jp-NotebookPanel:not(.lm-mod-hidden) .jp-CodeCell')) {
             cell.scrollIntoView();
             await new Promise((shown) => setTimeout(shown, 30));
         }
@@ -74,7 +73,7 @@ def panels(page, least=1):
     """All panels, `least` or more, each once it has painted its first picture; Lab makes widgets when their cells come near."""
     assert until(lambda: walk(page) or page.evaluate("""least => {
         const views = [...document.querySelectorAll('.jp-Notebook .jp-OutputArea-output:not([data-mime-type])')]; // of widgets
-        return views.length >= least && views.every((view) => view.querySelector('.labkit-panel canvas'));
+        return !least || (views.length >= least && views.every((view) => view.querySelector('.labkit-panel canvas')));
     }""", least), 90)
     found = page.locator(".labkit-panel")
     for k in range(found.count()):
@@ -102,15 +101,6 @@ def changed(panel):
         for (let i = 0; i < a.length; i += 4) count += Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2])) > 60;
         return count / (a.length / 4);
     }""")
-
-
-def shown(panel):
-    """What the canvas shows, as an array."""
-    return pixels(base64.b64decode(panel.locator("canvas").evaluate("canvas => canvas.toDataURL('image/png').split(',')[1]")))
-
-
-def pixels(png):
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
 
 
 def drag(page, panel, part, slider=0):
@@ -154,7 +144,7 @@ def settled(page, panel):
 def test_it_opens_runs_and_slides(page, lab, name):
     open_notebook(page, lab, name)
     if "image/png" in json.dumps(lab.saved(name)):
-        assert until(lambda: walk(page) or page.locator(".jp-OutputArea img").count() > 0)  # pictures are there before anything is run
+        assert until(lambda: page.locator(".jp-OutputArea img").count() > 0 or walk(page))  # pictures are there before anything is run
     assert page.locator(".labkit-panel").count() == 0 and "model not found" not in page.locator(".jp-Notebook").inner_text()
     run_all(page)
     made = panels(page, any("explore(" in source(cell) for cell in lab.saved(name)["cells"] if cell["cell_type"] == "code"))
@@ -417,7 +407,7 @@ def verdict_says_nothing_wrong(panel):
 
 
 def test_fingers(page, lab, browser):
-    """A tap starts a trajectory, a finger on the ring drags it."""
+    """A finger on the ring drags it, two zoom, a tap starts a trajectory or pins the cursor. More in test_bare.py."""
     context = browser.new_context(viewport={"width": 1100, "height": 900}, has_touch=True, device_scale_factor=2)
     tablet = context.new_page()
     tablet.set_default_timeout(90_000)
@@ -429,7 +419,14 @@ def test_fingers(page, lab, browser):
     settled(tablet, panel)
     box = canvas.bounding_box()
     tablet.wait_for_function("canvas => Math.abs(canvas.width - 2 * canvas.clientWidth) <= 2", arg=canvas.element_handle())  # sharp on a dense screen
-    tablet.touchscreen.tap(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
+    Fingers(tablet).move(((0.88, 0.475), (0.83, 0.375)))
+    settled(tablet, panel)
+    x, v = (float(panel.locator(f'[aria-label="value of {name}"]').input_value().replace("−", "-")) for name in "xv")
+    assert x < 0.9 and v > 0.3
+    remember(panel)
+    Fingers(tablet).move(((0.7, 0.4), (0.62, 0.3)), ((0.8, 0.5), (0.9, 0.6)))
+    assert until(lambda: changed(panel) > 0.01)
+    tablet.touchscreen.tap(box["x"] + 0.65 * box["width"], box["y"] + 0.7 * box["height"])
     panel.get_by_role("button", name="Clear").wait_for()
     tablet.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.25 * box["height"])
     panel.locator(".labkit-reading", has_text="t = 4").wait_for()
