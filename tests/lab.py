@@ -121,7 +121,7 @@ def open_browser(*more: str) -> Iterator:
 def open_notebook(page, lab: Lab, name: str) -> None:
     place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"  # labkit's Lab opens on the start page
     page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
-    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
+    page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
     assert page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
 
@@ -135,4 +135,4 @@ def run_all(page) -> None:
         const prompts = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].map((cell) => [cell.querySelector('.cm-content'), cell.querySelector('.jp-InputPrompt')]);
         return prompts.length && prompts.every(([text, prompt]) => (text && prompt && !text.textContent.trim()) || /\\[\\d+\\]/.test(prompt?.textContent));
     }""", timeout=180_000)
-    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
+    page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")

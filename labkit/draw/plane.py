@@ -264,8 +264,8 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
         roots = _newton(rates, np.array(seeds))
         offs = np.abs(rates(roots)).max(axis=1)
         mine: list[np.ndarray] = []
-        for u, off in sorted(zip(roots, offs, strict=True), key=lambda pair: np.nan_to_num(pair[1], nan=np.inf)):  # of equals, the best one
-            if not (off < 1e-9 and np.all((u >= -1e-9) & (u <= 1 + 1e-9))) or any(np.abs(u - other).max() < 1e-4 for other in mine):
+        for u in roots[np.argsort(offs)][: (offs < 1e-9).sum()]:  # of equals, the best one
+            if not np.all((u >= -1e-9) & (u <= 1 + 1e-9)) or any(np.abs(u - other).max() < 1e-4 for other in mine):
                 continue
             x, y = x0 + u[0] * size[0], y0 + u[1] * size[1]
             if plane.governing(np.array([x]), np.array([y]))[0] != index:

@@ -147,7 +147,7 @@ WATCH = """() => {
     const area = document.querySelector('.jp-Notebook').querySelector('.labkit-range, .noUi-target').closest('.jp-Cell-outputArea');
     const range = area.querySelector('.labkit-range'), readout = area.querySelector('.widget-readout');
     if (range) range.addEventListener('input', () => moves.push([now(), range.valueAsNumber]), true);
-    if (range) range.addEventListener('keydown', () => requestAnimationFrame(() => moves.push([now(), range.valueAsNumber])), true);
+    if (range) range.addEventListener('keydown', () => { const pressed = now(); setTimeout(() => moves.push([pressed, range.valueAsNumber])); }, true);
     if (readout) new MutationObserver(() => moves.push([now(), Number(readout.textContent)])).observe(readout, { childList: true, characterData: true, subtree: true });
     const seen = (node) => node.nodeName === 'IMG' || node.nodeName === 'path' || node.nodeName === 'CANVAS' || node.querySelector?.('img, canvas');
     new MutationObserver((changed) => {
@@ -222,16 +222,19 @@ def measure(page, lab, name: str, port: int, seconds: float = 5.0, presses: int 
 
 
 def read(page, lab, since: float) -> list[tuple[float, float, float]]:
-    """(slider event, picture, processor time of the kernel) of every picture since an instant, in seconds."""
+    """(slider event, picture, processor time of the kernel) of every picture since an instant, in seconds.
+
+    A picture that was never shown, because the next one was there before it could be, is none; nor is a second one of the same value (the hand rests).
+    """
     moves, changes = page.evaluate("[moves, changes]")
     works = [json.loads(line) for line in (lab.folder / "log.json").read_text().splitlines()]
     works = [work for work in works if work[1] >= since]
+    works = [work for k, work in enumerate(works) if not k or work[0] != works[k - 1][0]]
     found = []
-    for k, (value, begin, end, used) in enumerate(works):
-        until = works[k + 1][2] if k + 1 < len(works) else float("inf")
-        picture = next((change for change in sorted(changes) if end <= change < until + 0.001), None)
-        event = max((when for when, shown in moves if since <= when <= begin and abs(shown - value) <= 0.0021), default=None)
-        if picture is not None and event is not None:
+    for (value, begin, end, used), (*_, overtaken, _) in zip(works, [*works[1:], (0.0, 0.0, float("inf"), 0.0)], strict=True):
+        picture = next((change for change in sorted(changes) if change >= end), None)
+        event = max((when for when, shown in moves if since - 0.1 <= when <= begin and abs(shown - value) <= 0.00101), default=None)
+        if picture is not None and picture < overtaken and event is not None:
             found.append((event, picture, used))
     return found
 
