@@ -738,6 +738,14 @@ def test_colours_are_told_apart_by_all_common_kinds_of_colour_vision(eyes):
     assert min(pair for pair in pairs if pair[1] < 6)[0] > 15
 
 
+def test_modes_are_told_apart_in_grey_print(block):
+    run = simulate(block, 6.0)
+    bands = [cielab(1 - patch.get_facecolor()[3] * (1 - np.array(patch.get_facecolor()[:3])), np.eye(3))[0] for patch in time_plot(run, "x").artists[:2]]
+    assert abs(bands[0] - bands[1]) > 4
+    lines = [part for part in phase_portrait(run).layers if type(part).__name__ == "Trajectories"][0].lines
+    assert [line.is_dashed() for line in lines] == [False, True]
+
+
 def test_curves_and_runs_are_told_apart_in_grey_print():
     run = simulate(linear([[0, 1], [-1, 0]]), 5.0)
     view = time_plot(run, ("x", "v"))

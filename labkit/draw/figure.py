@@ -40,6 +40,8 @@ __all__ = ["COLORS", "DASHES", "Figure", "STYLE", "figure", "label", "mode_color
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#000000")
 #: Line styles that go with the first four colours where few curves share a panel: they survive grey print.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (5, 1.6, 1.2, 1.6)), (0, (1.4, 1.4)))
+#: How strongly the backgrounds of the modes are tinted, in order: in grey print, too, one sees where a mode ends.
+BANDS = (0.11, 0.23, 0.16, 0.31)
 INK, FAINT, GRID = "#222222", "#8A8A8A", "#E3E3E3"
 
 CSS_DPI = 96  # an inch on the page

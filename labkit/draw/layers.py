@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from ..model import ModelError
 from ..run import Run, Runs
-from .figure import FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
+from .figure import DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
 from .plane import GRID, Limits, Plane, contour, find_equilibria
 from .time import _jumps, _segments
 from .view import View
@@ -265,11 +265,12 @@ class Trajectories(Layer):
         alone = len(self.keys) == 1
         self.jumps = self._add(Line2D([], [], color=INK, linewidth=1.1 if bold else 0.6, alpha=0.8 if bold else 0.5, linestyle=(0, (3, 2)), zorder=z - 0.1))
         colors = {key: (INK if bold else color) if alone else color for key, color in self.colors.items()}
+        self.dashes = [DASHES[k % len(DASHES)] if bold else "-" for k in range(len(colors))]  # the colours of modes are alike in grey print
         look = {"linewidth": width, "alpha": 1.0 if bold else 0.85, "zorder": z}
         if isinstance(runs, Runs):  # strokes of their own: one that crosses itself a thousand times would take far longer to paint
             made: list[Any] = [LineCollection([], colors=[color], capstyle="round", joinstyle="round", **look) for color in colors.values()]
         else:
-            made = [Line2D([], [], color=color, **look) for color in colors.values()]
+            made = [Line2D([], [], color=color, linestyle=dash, dash_capstyle="butt", **look) for color, dash in zip(colors.values(), self.dashes, strict=True)]
         self.lines = [self._add(line) for line in made]
         self.heads = self._add(PolyCollection([], linewidths=0, zorder=z + 0.1, closed=True))
         self.head_colors = to_rgba_array(list(colors.values()))
@@ -341,7 +342,8 @@ class Trajectories(Layer):
         self.heads.set_facecolor(self.head_colors[np.concatenate(colors)] if len(polygons) else "none")
 
     def legend(self) -> list[tuple[Artist, str]]:
-        return [(Line2D([], [], color=color, linewidth=1.8), mode) for mode, color in self.colors.items()] if len(self.colors) > 1 else []
+        looks = zip(self.colors.items(), self.dashes, strict=True)
+        return [(Line2D([], [], color=color, linewidth=1.8, linestyle=dash), mode) for (mode, color), dash in looks] if len(self.colors) > 1 else []
 
 
 def _strung(curves: Sequence[np.ndarray]) -> np.ndarray:

@@ -20,7 +20,7 @@ from matplotlib.path import Path
 
 from ..model import ModelError, System, listed
 from ..run import Run, Runs
-from .figure import COLORS, DASHES, FAINT, INK, Figure, figure, head, label, mode_colors, style, symbol, tint
+from .figure import BANDS, COLORS, DASHES, FAINT, INK, Figure, figure, head, label, mode_colors, style, symbol, tint
 from .view import Shows, View, Window, extent
 
 __all__ = ["TimePlot", "time_plot"]
@@ -92,7 +92,7 @@ class TimePlot(View):
             if len(panel) > 1 and ax is top:
                 entries += [(_sample(curves[0].line, **{} if len(group) == 1 else {"linestyle": "-"}), text) for curves, text in zip(panel, labels, strict=True)]
             if self._modes and ax is top:
-                entries += [(Patch(facecolor=tint(color, 0.4), edgecolor="none"), mode) for mode, color in mode_colors(self.system).items()]
+                entries += [(Patch(facecolor=tint(color, 2 * BANDS[k % len(BANDS)]), edgecolor="none"), mode) for k, (mode, color) in enumerate(mode_colors(self.system).items())]
             head(ax, (self.system.name if title is None else title) if ax is top else "", entries if legend else [])
             with style():
                 ax.set_ylabel(label(self.system, *group))
@@ -222,7 +222,7 @@ class _Modes:
         height = 1.0 if few else 0.035
         for i, (patch, color) in enumerate(zip(self.artists, self.colors.values(), strict=True)):
             patch.set_path(_boxes(left[index == i], right[index == i], height))
-            patch.set_facecolor((*to_rgb(color), 0.16 if few else 0.8))  # see-through: a panel may draw it over the grid
+            patch.set_facecolor((*to_rgb(color), BANDS[i % len(BANDS)] if few else 0.8))  # see-through: a panel may draw it over the grid
             patch.set_antialiased(not few)  # few: sharp edges without seams; many: pixels show the share of the modes
 
 
