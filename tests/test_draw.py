@@ -751,3 +751,11 @@ def test_curves_and_runs_are_told_apart_in_grey_print():
     view = time_plot(run, ("x", "v"))
     looks = {line.get_linestyle() if line.get_linestyle() == "-" else str(line._unscaled_dash_pattern) for line in view.figure.axes[0].lines if len(line.get_xdata()) > 10}
     assert len(looks) == 2
+
+
+def test_the_time_axis_follows_the_end_of_the_run_both_ways():
+    system = linear([[0, 1], [-1, 0]])
+    view = time_plot(simulate(system, 10.0), "x")
+    for end, shown in ((20.0, 20.0), (10.0, 10.0), (15.0, 15.0), (10.0, 10.0), (4.0, 10.0)):
+        view.update(simulate(system, end))
+        assert view.axes[0].get_xlim() == (0.0, shown)

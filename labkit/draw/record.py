@@ -70,7 +70,7 @@ class Recorder(RendererBase):
             x, y, w, h = look["clip"] if "clip" in look and "dash" not in look else (0, 0, self.width, self.height)  # a cut begins a dash anew
             area = None if rgbFace is not None else (x - margin, y - margin, x + w + margin, y + h + margin)
             # Where a stroke runs over another, Agg adds up what both cover of a pixel; so does one laid over the other, if it hides what is below.
-            apart = self._apart or (rgbFace is None and "dash" not in look and look["stroke"].endswith("ff"))
+            apart = self._apart or (rgbFace is None and look["stroke"].endswith("ff"))
             self._note(look | ({"apart": True} if apart else {}), _polyline(path, transform + self.flip, gc, width, area))
 
     def draw_markers(self, gc: GraphicsContextBase, marker_path: Path, marker_trans: Transform, path: Path, trans: Transform, rgbFace: Any = None) -> None:

@@ -89,7 +89,8 @@ class Window:
     """Window(axes, "y", low, high): limits of one axis, with a margin (a share of the range) around the data's low … high.
 
     `fit(low, high)` widens them when data leave (by `room`, a share too, so that a dragged slider does not move them at each
-    picture), and narrows them again, never below the first ones, when they would fill less than a half. A user's own zoom is left alone, and all in a figure that is `steady`.
+    picture), and narrows them again, never below the first ones, when they would fill less than a half; without room (time), at once.
+    A user's own zoom is left alone, and all in a figure that is `steady`.
     """
 
     def __init__(self, axes: Axes, which: str, low: float, high: float, margin: float = 0.07, room: float = 0.2):
@@ -114,7 +115,7 @@ class Window:
                   max(high + room, self.first[1]) if high > self.first[1] else self.first[1])
         slack = 1e-9 * (self.now[1] - self.now[0])
         outside = low < self.now[0] - slack or high > self.now[1] + slack
-        if outside or self.now[1] - self.now[0] > 2 * (wanted[1] - wanted[0]):
+        if outside or self.now[1] - self.now[0] > (2 if self.room else 1) * (wanted[1] - wanted[0]) + slack:
             self._set(*wanted)
             return True
         return False
