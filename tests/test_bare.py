@@ -1,6 +1,5 @@
 """The browser's half of the panel without JupyterLab: the pixels, fingers and keys."""
 
-import os
 import time
 
 import numpy as np
@@ -10,16 +9,7 @@ from labkit import Handle, explore, figure, phase_portrait
 
 from .bare import Fingers, made_by, opened, saved, shown
 from .benchmarks.latency import SETUP
-from .lab import CELLS, HANDS, open_browser
-
-
-@pytest.fixture(scope="module")
-def browser():
-    try:
-        with open_browser() as browser:
-            yield browser
-    except LookupError as error:
-        pytest.fail(str(error)) if os.environ.get("CI", "").lower() == "true" else pytest.skip(str(error))
+from .lab import CELLS, HANDS
 
 
 # ---- fidelity: mean difference ≤ 0.7 of 255, and ≤ 0.3 % of the pixels off by more than 32

@@ -19,7 +19,7 @@ from labkit.notebooks import WIDGET, strip
 
 from .bare import Fingers, pixels, shown
 from .helpers import FOLDER, NOTEBOOKS, ROOT, read, source
-from .lab import CELLS, HANDS, Lab, open_browser, open_notebook, run_all, running_lab
+from .lab import CELLS, HANDS, Lab, open_notebook, run_all, running_lab
 
 SMALL = "small"  # a notebook of the tests, beside the real ones
 
@@ -32,15 +32,6 @@ def lab(tmp_path_factory):
         lab.write(SMALL, CELLS)
         lab.write("hands", [CELLS[0], HANDS])
         yield lab
-
-
-@pytest.fixture(scope="module")
-def browser():
-    try:
-        with open_browser() as browser:
-            yield browser
-    except LookupError as error:
-        pytest.fail(str(error)) if os.environ.get("CI", "").lower() == "true" else pytest.skip(str(error))
 
 
 @pytest.fixture
