@@ -511,7 +511,7 @@ def test_vectorised_and_single_evaluation_agree(block):
     X, Y = np.meshgrid(np.linspace(-1, 5, 12), np.linspace(-1, 5, 11))
     for mode in block.modes:
         f, g = plane.flow(mode, X, Y)
-        one = np.array([plane.rates(mode, x, y) for x, y in zip(X.ravel().tolist(), Y.ravel().tolist(), strict=True)])
+        one = np.array([np.ravel(plane.flow(mode, x, y)) for x, y in zip(X.ravel().tolist(), Y.ravel().tolist(), strict=True)])
         np.testing.assert_array_equal(np.column_stack([f.ravel(), g.ravel()]), one)
     branching = System("b", {"x": "", "v": ""}, modes=[Mode("m", lambda t, s, p: (math.sqrt(s.x), 1.0 if s.v > 0 else -1.0))], start={"x": 1, "v": 0})
     f, g = Plane(branching).flow("m", X, Y)

@@ -105,15 +105,6 @@ class Plane:
         rates = self._evaluate(self.system.modes[mode].flow, mode, X, Y, len(names), t)
         return rates[names.index(self.x)].reshape(np.shape(X)), rates[names.index(self.y)].reshape(np.shape(X))
 
-    def rates(self, mode: str, x: float, y: float) -> tuple[float, float]:
-        """As flow, for one point and fast; NaN where the flow has no value."""
-        _, i, k = self._template(mode)
-        try:
-            f = self.system.modes[mode].flow(self.t, self._state(mode, x, y), self.p)
-        except (ZeroDivisionError, OverflowError, ValueError):
-            return np.nan, np.nan
-        return (f[i], f[k]) if isinstance(f[i] + f[k], float | int) else (np.nan, np.nan)  # type: ignore[index]
-
     def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """As flow, on a grid of count × count points; kept for the layers that ask again."""
         key = (mode, limits, count, tuple(self.p), self.t)
