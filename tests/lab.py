@@ -121,8 +121,9 @@ def open_browser(*more: str) -> Iterator:
 def open_notebook(page, lab: Lab, name: str) -> None:
     place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"  # labkit's Lab opens on the start page
     page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
-    page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
+    # The indicator at the top says idle before there is a kernel, and Lab then drops what it is told to run; the bar at the bottom knows.
+    page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle").wait_for()
     assert page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
 
 
