@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import warnings
 from collections import namedtuple
 from math import sin
 from types import SimpleNamespace
@@ -429,6 +430,18 @@ def test_equilibria_that_are_double_many_or_just_gone(force, expected):
         expected = [(k * math.pi / 9, "saddle" if k % 2 else "stable spiral point") for k in range(-8, 9)]
     assert [kind for *_, kind in found] == [kind for _, kind in expected]
     assert [x for x, *_ in found] == pytest.approx([x for x, _ in expected], abs=1e-7) and all(abs(v) < 1e-9 for _, v, *_ in found)
+
+
+@pytest.mark.parametrize("flow, expected", [
+    (lambda t, s, p: (s.x**2, s.v**2), [(0.0, 0.0)]), (lambda t, s, p: (1 / s.x, s.v), []), (lambda t, s, p: (math.exp(3 * s.x) - 1, s.v), [(0.0, 0.0)]),
+    (lambda t, s, p: (math.sqrt(s.x - 1) - 1, -s.v), [(2.0, 0.0)]), (lambda t, s, p: (s.v, math.copysign(1.0, s.x)), []),
+])
+def test_equilibria_of_awkward_flows_come_without_warnings(flow, expected):
+    system = System("awkward", {"x": "m", "v": "m/s"}, {}, [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = [(x, v) for x, v, *_ in find_equilibria(Plane(system), ((-3.0, 3.0), (-4.0, 4.1)))]
+    assert np.array(found).ravel() == pytest.approx(np.array(expected).ravel(), abs=1e-6)
 
 
 @pytest.mark.parametrize("A", [((1, 2), (2, 4)), ((-1, 0.3), (2, -0.6)), ((0, 1), (0, -1)), ((0.1, 0.3), (0.2, 0.6))])

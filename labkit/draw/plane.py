@@ -264,7 +264,7 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
             mine.append(u)
             J = _jacobian(rates, u[None], 1e-3)[1][0]
             along = J[np.abs(J).max(axis=1).argmax(), ::-1] * (1, -1)  # along a nullcline
-            if np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9:
+            if np.abs(rates(u + [[0.01], [-0.01]] * along / (np.abs(along).max() or 1.0))).max() < 1e-9 and along.any():
                 continue  # one of a whole line of equilibria, which the nullclines show
             A = J * scale[:, None] / size[None, :]
             kind = classify(A, tolerance) if np.all(np.isfinite(A)) else "equilibrium"
@@ -280,26 +280,26 @@ def _jacobian(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float) ->
 
 
 def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 40) -> np.ndarray:
-    """Newton's method from all of u (n, 2) at once, at most a quarter of the picture at a time; one that does not converge ends anywhere.
+    """Newton's method from all of u (n, 2) at once, at most a quarter of the picture at a time; NaN for one that does not converge.
 
-    Steps are those of least squares, a trace of damping included, so that a singular Jacobian (a double root, a line of roots) does no harm;
+    Steps are those of least squares, so that a singular Jacobian (a double root, a line of roots) does no harm;
     where each is half of the one before, a double root is near, and twice the step lands on it.
     """
     before = np.full((len(u), 1), np.nan)
     for _ in range(steps):
         with np.errstate(all="ignore"):
             r, J = _jacobian(f, u, 1e-4)
-            lost = ~np.isfinite(J).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1) | (np.abs(u - 0.5) > 1.5).any(axis=1)  # out of sight, or without a value
+            lost = ~(np.abs(J) < 1e100).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1) | (np.abs(u - 0.5) > 1.5).any(axis=1)  # out of sight, or without a value
         J[lost], r[lost] = np.eye(2), 0.0
-        square = np.einsum("nji,njk->nik", J, J)
-        square += (1e-14 * np.trace(square, axis1=1, axis2=2) + 1e-300)[:, None, None] * np.eye(2)
-        way = np.linalg.solve(square, -np.einsum("nji,nj->ni", J, r)[..., None])[..., 0]
+        rows = np.abs(J).max(axis=2)
+        rows[rows == 0] = 1.0  # both rates count alike, however much they differ in size
+        way = -np.einsum("nij,nj->ni", np.linalg.pinv(J / rows[:, :, None], rcond=1e-12), r / rows)
         length = np.abs(way).max(axis=1, keepdims=True)
         double = np.abs(length / np.where(before > 0, before, np.nan) - 0.5) < 0.02
         u, before = u + way * np.where(double, 2.0, 1.0 / np.maximum(1.0, 4 * length)), np.where(double, np.nan, length)
         if length.max() < 1e-11:
             break
-    return u
+    return np.where(length < 1e-6, u, np.nan)
 
 
 def _changes_sign(Z: np.ndarray) -> np.ndarray:
