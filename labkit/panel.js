@@ -168,7 +168,8 @@ function render({ model, el }) {
   const queue = new Map(); // messages that wait, by what they replace
   const [rows, grids, wanted, pointers] = [{}, {}, {}, new Map()]; // wanted: limits that the user has asked for, by axes
   let [seq, sent, flying, patience] = [0, 0, null, []]; // flying: the message that waits for its answer
-  let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: parts in drawing order, the first of them as pixels
+  let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: parts in drawing order
+  let [still, above] = [[], []]; // those that lie below all moving ones, kept as pixels, and the rest
   let info = { axes: [], grips: [], span: [0, 1], t: null };
   let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
   let wide = spec.width; // of the canvas on the page; measured by an observer, since asking for it makes the browser lay out the page at once
@@ -261,12 +262,14 @@ function render({ model, el }) {
   const paint = () => {
     frame = 0;
     if (!base) {
-      base = layer(make("canvas"), order.slice(0, 1), newest.size).canvas; // the still background, once
+      const moves = order.findIndex((id) => id[0] === "m");
+      [still, above] = moves < 0 ? [order, []] : [order.slice(0, moves), order.slice(moves)];
+      base = layer(make("canvas"), still, newest.size).canvas; // the still background, once
       const begin = performance.now();
-      layer(make("canvas"), order.slice(1), newest.size).getImageData(0, 0, 1, 1); // waits until all is painted
+      layer(make("canvas"), above, newest.size).getImageData(0, 0, 1, 1); // waits until all is painted
       slow = performance.now() - begin > 12;
     }
-    layer(canvas, order.slice(1), newest.size, slow && newest.settled === false);
+    layer(canvas, above, newest.size, slow && newest.settled === false);
     shot = null;
     for (const k of Object.keys(wanted)) {
       if (queue.has(`limits${k}`) || flying?.axes === Number(k)) preview(k);

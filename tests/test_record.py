@@ -17,6 +17,7 @@ from PIL import Image
 from labkit import figure, phase_portrait, simulate, time_plot
 from labkit.draw.figure import HALO, style
 from labkit.draw.record import Scene
+from labkit.draw.view import Together
 
 from .systems import ball, stick_slip
 
@@ -221,3 +222,21 @@ def test_the_fallback_is_the_same_picture():
     image = np.asarray(Image.open(io.BytesIO(scene.bitmap()))).astype(int)
     assert np.abs(image - drawn(view.figure)).mean() < 2
     assert "s0" in scene.picture(2.0)[0]["ops"]
+
+
+def test_axes_that_stay_while_others_are_zoomed_are_not_drawn_again(monkeypatch):
+    run, fig = simulate(ball(), 5.0), figure(1, 2, width=8, height=3)
+    views = [time_plot(run, "y", axes=fig.axes[0]), phase_portrait(run, axes=fig.axes[1], limits=((0, 12), (-15, 15)))]
+    scene, drawn_axes, draw = Scene(Together(*views)), [], type(fig.axes[0]).draw
+    scene.picture()
+    monkeypatch.setattr(type(fig.axes[0]), "draw", lambda axes, renderer: (drawn_axes.append(fig.axes.index(axes)), draw(axes, renderer))[1])
+    for zoomed in (1, 0, 1):
+        drawn_axes.clear()
+        fig.axes[zoomed].set_ylim(-8 - zoomed, 9)
+        views[1].update(run)
+        message, buffers = scene.picture(settled=False)
+        assert drawn_axes == [zoomed] and "order" in message
+        scene.drawn = None, {}
+        scene.forget()
+        again, whole = scene.picture(settled=False)
+        assert drawn_axes == [zoomed, 0, 1] and message == again and buffers == whole

@@ -5,7 +5,7 @@
     Recorder(agg)                                     # the renderer alone: artist.draw(recorder); recorder.take()
 
 A message says {"size": [width, height], "order": [part, …], "ops": {part: [op, …]}}, `order` only when the still part is new. Parts are
-drawn in that order: "s0" is the still background, "s1", "s2", … are the other still pieces, "m0", "m1", … the moving artists. Points are
+drawn in that order: "s0", "s1", … are the still pieces, "m0", "m1", … the moving artists. Points are
 pixels of the device, y downwards, in one float32 buffer; (NaN, 0) lifts the pen, (NaN, 1) closes the stroke. An op has
   n                   number of its points; and with them stroke, width, dash, cap, join, fill, clip [x, y, width, height]
   apart               each stroke is laid over those before it, where otherwise all of them make one shape
@@ -47,7 +47,7 @@ class Recorder(RendererBase):
         super().__init__()
         self.agg, self.width, self.height, self.dpi = agg, agg.width, agg.height, agg.dpi
         self.flip = Affine2D().scale(1, -1).translate(0, self.height)
-        self.get_text_width_height_descent = agg.get_text_width_height_descent
+        self.get_text_width_height_descent, self._get_font_height_metrics = agg.get_text_width_height_descent, agg._get_font_height_metrics
         self.get_canvas_width_height, self.points_to_pixels = agg.get_canvas_width_height, agg.points_to_pixels
         self.images: dict[tuple, tuple] = {}  # text as bitmaps, the newest ones
         self._apart = False
@@ -221,6 +221,7 @@ class Scene:
         self.artists: list[Artist] = []
         self.changed: set[Artist] = set()
         self.ratio, self.zoom, self.still, self.placed = 0.0, 1.0, False, True
+        self.drawn = None, {}  # with which recorder, and what of each axes
         self.figure.stale_callback = lambda figure, value: self.forget()
 
     def forget(self) -> None:
@@ -238,6 +239,7 @@ class Scene:
                 for artist in artists:
                     _fix_colors(artist)
                     artist.stale_callback = lambda artist, value: self.changed.add(artist)  # and not the figure's business
+            self.drawn = None, {}
             self.forget()
         message: dict[str, Any] = {"size": [int(self.recorder.width), int(self.recorder.height)]}
         parts: dict[str, tuple] = {}
@@ -267,8 +269,10 @@ class Scene:
         return file.getvalue()
 
     def _draw_still(self, settled: bool) -> None:
-        """Lets the figure draw itself; where it comes to a moving artist, a new part begins."""
-        recorder = self.recorder
+        """Lets the figure draw itself; where it comes to a moving artist, a new part begins. Axes that stay as they are, while others are zoomed, repeat theirs."""
+        stale = [axes for axes in self.figure.axes if axes.stale]  # as long as Figure.draw has not declared all of them so
+        recorder, known = self.recorder, {} if settled or self.drawn[0] is not self.recorder else self.drawn[1]
+        self.drawn: tuple = recorder, {}
         recorder.take()
         self.parts: dict[str, tuple] = {}
         self.order: list[str] = []
@@ -283,15 +287,31 @@ class Scene:
                 keep()
                 self.order.append(name)
 
+        def draw_axes(axes: Any, renderer: Any) -> None:
+            keep()
+            begin, old = len(self.order), known.get(axes)
+            if old is None or axes in stale:
+                type(axes).draw(axes, renderer)
+                keep()
+                self.drawn[1][axes] = [(name, self.parts.get(name)) for name in self.order[begin:]]
+            else:
+                self.drawn[1][axes] = old
+                for name, part in old:
+                    self.order.append(name if part is None else f"s{len(self.parts)}")
+                    if part is not None:
+                        self.parts[self.order[-1]] = part
+
         for k, artist in enumerate(self.artists):
             artist.draw = partial(hold, f"m{k}")  # type: ignore[method-assign]
+        for axes in self.figure.axes:
+            axes.draw = partial(draw_axes, axes)  # type: ignore[method-assign]
         self.figure.frozen = not settled
         try:
             with style():
                 self.figure.draw(recorder)
         finally:
             self.figure.frozen = False
-            for artist in self.artists:
+            for artist in (*self.artists, *self.figure.axes):
                 del artist.draw
         keep()
         self.still, self.placed = True, settled
