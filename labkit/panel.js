@@ -265,9 +265,11 @@ function render({ model, el }) {
       const moves = order.findIndex((id) => id[0] === "m");
       [still, above] = moves < 0 ? [order, []] : [order.slice(0, moves), order.slice(moves)];
       base = layer(make("canvas"), still, newest.size).canvas; // the still background, once
-      const begin = performance.now();
-      layer(make("canvas"), above, newest.size).getImageData(0, 0, 1, 1); // waits until all is painted
-      slow = performance.now() - begin > 12;
+      if (newest.settled !== false) {
+        const begin = performance.now();
+        layer(make("canvas"), above, newest.size).getImageData(0, 0, 1, 1); // waits until all is painted
+        slow = performance.now() - begin > 12;
+      }
     }
     layer(canvas, above, newest.size, slow && newest.settled === false);
     shot = null;

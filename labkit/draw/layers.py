@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_rgba_array
+from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from ..model import ModelError
 from ..run import Run, Runs
@@ -272,8 +273,7 @@ class Trajectories(Layer):
         else:
             made = [Line2D([], [], color=color, linestyle=dash, dash_capstyle="butt", **look) for color, dash in zip(colors.values(), self.dashes, strict=True)]
         self.lines = [self._add(line) for line in made]
-        self.heads = self._add(PolyCollection([], linewidths=0, zorder=z + 0.1, closed=True))
-        self.head_colors = to_rgba_array(list(colors.values()))
+        self.heads = [self._add(PathPatch(Path(np.zeros((0, 2))), facecolor=color, linewidth=0, zorder=z + 0.1)) for color in colors.values()]
         self.starts = self._add(Line2D([], [], linestyle="none", marker="o", markersize=6 if bold else 3.2, markerfacecolor="white", markeredgecolor=INK,
                                        markeredgewidth=1.3 if bold else 0.8, zorder=z + 0.2))
         self.size = 0.034 if bold else 0.024
@@ -292,6 +292,12 @@ class Trajectories(Layer):
         t, modes = runs.t, runs.mode_index
         if isinstance(runs, Run):
             X, Y, t, modes = X[None], Y[None], t[None], modes[None]
+        self.starts.set_data(X[:, 0], Y[:, 0])
+        if self.arrows:
+            self._put_arrows(X, Y, modes)
+        if len(self.lines) == 1 and not modes.any() and not (t[:, 1:] == t[:, :-1]).any():  # no lane ends early, none has an event: as most of them
+            self.jumps.set_data([], [])
+            return self._put(self.lines[0], list(np.stack([X, Y], axis=2)))
         gap = np.full((len(X), 1), np.nan)
         x, y, time = (np.hstack([a, gap]).ravel() for a in (X, Y, t))
         mode = np.hstack([modes, np.full((len(X), 1), -1)]).ravel()
@@ -299,21 +305,16 @@ class Trajectories(Layer):
         self.jumps.set_data(_segments(x[at], x[at + 1]), _segments(y[at], y[at + 1]))
         jumping = np.zeros(len(x), dtype=bool)
         jumping[at] = True
-        whole = len(self.lines) == 1 and not len(at) and not modes.any()  # no lane has ended early or changed its mode
         for i, line in enumerate(self.lines):
-            if whole:
-                parts = list(np.stack([X, Y], axis=2))
-            else:
-                here = np.flatnonzero(mode == i)
-                cuts = np.flatnonzero((np.diff(here) > 1) | jumping[here[:-1]]) + 1
-                parts = np.split(np.column_stack([x[here], y[here]]), cuts)
-            if isinstance(line, LineCollection):
-                line.set_segments(parts)
-            else:
-                line.set_data(*_strung(parts))
-        self.starts.set_data(X[:, 0], Y[:, 0])
-        if self.arrows:
-            self._put_arrows(X, Y, modes)
+            here = np.flatnonzero(mode == i)
+            cuts = np.flatnonzero((np.diff(here) > 1) | jumping[here[:-1]]) + 1
+            self._put(line, np.split(np.column_stack([x[here], y[here]]), cuts))
+
+    def _put(self, line: LineCollection | Line2D, curves: Sequence[np.ndarray]) -> None:
+        if isinstance(line, LineCollection):
+            line.set_segments(curves)
+        else:
+            line.set_data(*_strung(curves))
 
     def _put_arrows(self, X: np.ndarray, Y: np.ndarray, modes: np.ndarray) -> None:
         """Arrow heads at set distances along each trajectory, as measured on paper, where it is inside the picture."""
@@ -324,26 +325,25 @@ class Trajectories(Layer):
         step = np.hypot(dx, dy)
         inside = (x > 0) & (x < shape) & (y > 0) & (y < 1)
         step = np.where(np.isfinite(step) & inside[:, :-1], step, 0.0)
-        way = np.cumsum(step, axis=1)
-        lanes = np.arange(len(X))
-        heads, colors = [], []
-        for share in (0.12, 0.45, 0.9) if len(X) < 60 else (0.2,):
-            k = np.minimum((way < share).sum(axis=1), step.shape[1] - 1)
-            use = (way[:, -1] > share + size) & (step[lanes, k] > 0) & (step[lanes, k] < 0.2)
-            k, lane = k[use], lanes[use]
-            across = np.column_stack([dx[lane, k], dy[lane, k]]) / step[lane, k][:, None]
-            tip = np.column_stack([x[lane, k], y[lane, k]]) + 0.5 * size * across
-            side = 0.38 * size * np.column_stack([-across[:, 1], across[:, 0]])
-            heads.append(np.stack([tip, tip - size * across + side, tip - size * across - side], axis=1))
-            colors.append(modes[lane, k])
-        polygons = np.concatenate(heads)
-        polygons = np.stack([x0 + polygons[..., 0] / shape * (x1 - x0), y0 + polygons[..., 1] * (y1 - y0)], axis=-1)
-        self.heads.set_verts(polygons)
-        self.heads.set_facecolor(self.head_colors[np.concatenate(colors)] if len(polygons) else "none")
+        way, shares = np.cumsum(step, axis=1), np.array([0.12, 0.45, 0.9] if len(X) < 60 else [0.2])
+        k = np.minimum((way[:, None] < shares[:, None]).sum(axis=2), step.shape[1] - 1)  # of each trajectory and share
+        long = np.take_along_axis(step, k, axis=1)
+        use = (way[:, -1:] > shares + size) & (long > 0) & (long < 0.2)
+        at = np.nonzero(use)[0], k[use]
+        across = np.column_stack([dx[at], dy[at]]) / step[at][:, None]
+        tip = np.column_stack([x[at], y[at]]) + 0.5 * size * across
+        side = 0.38 * size * np.column_stack([-across[:, 1], across[:, 0]])
+        corners = np.stack([tip, tip - size * across + side, tip - size * across - side, tip], axis=1) * [(x1 - x0) / shape, y1 - y0] + [x0, y0]
+        for i, head in enumerate(self.heads):
+            mine = corners[modes[at] == i]
+            head.set_path(Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
 
     def legend(self) -> list[tuple[Artist, str]]:
         looks = zip(self.colors.items(), self.dashes, strict=True)
         return [(Line2D([], [], color=color, linewidth=1.8, linestyle=dash), mode) for (mode, color), dash in looks] if len(self.colors) > 1 else []
+
+
+_TRIANGLE = np.array([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=Path.code_type)
 
 
 def _strung(curves: Sequence[np.ndarray]) -> np.ndarray:

@@ -50,6 +50,7 @@ class Recorder(RendererBase):
         self.get_text_width_height_descent, self._get_font_height_metrics = agg.get_text_width_height_descent, agg._get_font_height_metrics
         self.get_canvas_width_height, self.points_to_pixels = agg.get_canvas_width_height, agg.points_to_pixels
         self.images: dict[tuple, tuple] = {}  # text as bitmaps, the newest ones
+        self.markers: dict[tuple, tuple] = {}  # shapes of markers, and how far off their places
         self._apart = False
         self.take()
 
@@ -85,17 +86,19 @@ class Recorder(RendererBase):
             seen = (places[:, 0] > x - reach) & (places[:, 0] < x + w + reach) & (places[:, 1] > y - reach) & (places[:, 1] < y + h + reach)
         places = np.floor(places[seen] + 0.5)  # as Agg does it
         if look and len(places):
-            shape = _polyline(marker_path, marker_trans + Affine2D().scale(1, -1), gc, width, None)
-            plain = marker_path.cleaned(marker_trans, curves=False, snap=False)
-            snapped = marker_path.cleaned(marker_trans, curves=False, snap=gc.get_snap(), stroke_width=width)
-            if np.array_equal(plain.vertices, snapped.vertices):  # else it lies on the pixels already
-                places += 0.5
-            self._note({**look, "at": len(places)}, shape, places)
+            key = (marker_path.vertices.tobytes(), marker_trans.get_matrix().tobytes(), gc.get_snap(), width)
+            if key not in self.markers:
+                plain = marker_path.cleaned(marker_trans, curves=False, snap=False)
+                snapped = marker_path.cleaned(marker_trans, curves=False, snap=gc.get_snap(), stroke_width=width)
+                on_pixels = not np.array_equal(plain.vertices, snapped.vertices)
+                self.markers[key] = _polyline(marker_path, marker_trans + Affine2D().scale(1, -1), gc, width, None), 0.0 if on_pixels else 0.5
+            shape, off = self.markers[key]
+            self._note({**look, "at": len(places)}, shape, places + off)
 
     def draw_path_collection(self, gc: GraphicsContextBase, master_transform: Transform, paths: list[Path], all_transforms: Any, offsets: Any, offset_trans: Any,
                              facecolors: Any, edgecolors: Any, linewidths: Any, linestyles: Any, *rest: Any, **more: Any) -> None:
-        several = len(paths) > 1 and not len(all_transforms) and not np.any(offset_trans.transform(offsets)) and not gc.get_hatch()
-        if several and not len(facecolors) and all(len(one) == 1 for one in (edgecolors, linewidths, linestyles)) and all(path.codes is None for path in paths):
+        plain = len(paths) > 1 and not len(all_transforms) and not np.any(offset_trans.transform(offsets)) and not len(facecolors) and not gc.get_hatch()
+        if plain and all(len(one) == 1 for one in (edgecolors, linewidths, linestyles)) and all(path.codes is None for path in paths):
             gc.set_foreground(edgecolors[0], isRGBA=True)
             gc.set_linewidth(linewidths[0])
             gc.set_dashes(*linestyles[0])
@@ -103,12 +106,6 @@ class Recorder(RendererBase):
             points = np.concatenate([part for path in paths for part in (path.vertices, _UP)])
             self.draw_path(gc, Path(points), master_transform)
             self._apart = False
-        elif several and len(facecolors) and not np.any(linewidths) and all(path.codes is not None for path in paths):
-            colors, which = np.unique(np.resize(np.asarray(facecolors), (len(paths), 4)), axis=0, return_inverse=True)
-            gc.set_linewidth(0)
-            for k, color in enumerate(colors):  # plain areas of one colour in one stroke
-                mine = [path for path, i in zip(paths, which.ravel().tolist(), strict=True) if i == k]
-                self.draw_path(gc, Path(np.concatenate([path.vertices for path in mine]), np.concatenate([path.codes for path in mine])), master_transform, tuple(color))
         else:
             super().draw_path_collection(gc, master_transform, paths, all_transforms, offsets, offset_trans, facecolors, edgecolors, linewidths, linestyles, *rest, **more)
 
@@ -189,7 +186,8 @@ def _polyline(path: Path, transform: Transform, gc: GraphicsContextBase, width: 
     points, codes = clean.vertices[:-1], clean.codes[:-1]  # the last one says stop
     closed = codes == Path.CLOSEPOLY
     points[closed] = np.nan, 1.0
-    return np.insert(points, np.flatnonzero((codes[1:] == Path.MOVETO) & ~closed[:-1]) + 1, (np.nan, 0.0), axis=0)
+    lifts = np.flatnonzero((codes[1:] == Path.MOVETO) & ~closed[:-1]) + 1
+    return np.insert(points, lifts, (np.nan, 0.0), axis=0) if len(lifts) else points
 
 
 def _cut(pixels: np.ndarray, x: int, y: int) -> tuple[np.ndarray, int, int]:
@@ -301,17 +299,17 @@ class Scene:
                     if part is not None:
                         self.parts[self.order[-1]] = part
 
-        for k, artist in enumerate(self.artists):
-            artist.draw = partial(hold, f"m{k}")  # type: ignore[method-assign]
-        for axes in self.figure.axes:
-            axes.draw = partial(draw_axes, axes)  # type: ignore[method-assign]
-        self.figure.frozen = not settled
-        try:
-            with style():
+        with style():
+            for k, artist in enumerate(self.artists):
+                artist.draw = partial(hold, f"m{k}")  # type: ignore[method-assign]
+            for axes in self.figure.axes:
+                axes.draw = partial(draw_axes, axes)  # type: ignore[method-assign]
+            self.figure.frozen = not settled
+            try:
                 self.figure.draw(recorder)
-        finally:
-            self.figure.frozen = False
-            for artist in (*self.artists, *self.figure.axes):
-                del artist.draw
+            finally:
+                self.figure.frozen = False
+                for artist in (*self.artists, *self.figure.axes):
+                    del artist.draw
         keep()
         self.still, self.placed = True, settled
