@@ -1,7 +1,7 @@
 """python -m tests.benchmarks latency [technique …]: how long after a slider's event the new picture is there.
 
-A real slider of a real JupyterLab is dragged for 5 s by a mouse that moves 60 times a second, and a key is pressed 40 times, in a headless browser that shares
-the machine with server and kernel. The picture: a time plot of 2 curves, a portrait of 40 trajectories of 300 points, 400 arrows, nullclines, an equilibrium with its type in words;
+A real slider of a real JupyterLab is dragged for 5 s by a mouse that moves 60 times a second, and a key is pressed 40 times (labkit's wheel is turned and its portrait clicked too), in a headless
+browser that shares the machine with server and kernel. The picture: a time plot of 2 curves, a portrait of 40 trajectories of 300 points, 400 arrows, nullclines, an equilibrium with its type in words;
 the integration is in the time. Side by side: the floor (a number that the kernel echoes, without any picture), labkit's panel, the same Matplotlib figure under ipywidgets' `interact` and under ipympl, and its data in bqplot
 (pip install ipympl bqplot; what is missing is left out). The kernel's column is processor time. All others are by one clock: the page logs slider events and changes of the picture, the kernel logs when it
 begins and ends a computation and for which value; a picture is the first change after the end of a computation.
@@ -214,11 +214,31 @@ def measure(page, lab, name: str, port: int, seconds: float = 5.0, presses: int 
         time.sleep(0.4)
     keys = read(page, lab, pressed)
     moving = [picture for _, picture, _ in dragged if picture <= released]
-    return {
+    hands = {hand: touched(page, hand) for hand in ("zoom", "click") if name == "labkit"}
+    return {hand: quantile(found, 0.5) for hand, found in hands.items()} | {f"{hand} 95": quantile(found, 0.95) for hand, found in hands.items()} | {
         "key": quantile(keys, 0.5), "key 95": quantile(keys, 0.95), "drag": quantile(dragged, 0.5), "drag 95": quantile(dragged, 0.95),
         "pictures/s": len(moving) / seconds, "lag": 1000 * max(0.0, max((picture for _, picture, _ in dragged), default=released) - released),
         "kernel": 1000 * statistics.median(work for *_, work in dragged) if dragged else float("nan"),
     }
+
+
+def touched(page, hand: str, times: int = 20) -> list[tuple[float, float, float]]:
+    """(event, picture, 0) of turns of the wheel over the portrait ("zoom"), or of clicks that start a trajectory there ("click")."""
+    canvas = page.locator(".labkit-panel canvas")
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    x, y = box["x"] + 0.7 * box["width"], box["y"] + 0.4 * box["height"]
+    canvas.evaluate(f"""canvas => {{ window.hands = []; canvas.focus(); canvas.addEventListener('{"wheel" if hand == "zoom" else "click"}',
+        () => hands.push((performance.timeOrigin + performance.now()) / 1000), true); }}""")
+    for k in range(times):
+        page.mouse.move(x + 10 * k, y)
+        if hand == "zoom":
+            page.mouse.wheel(0, 60 if k % 2 else -60)
+        else:
+            page.mouse.click(x + 10 * k, y)
+        time.sleep(1)
+    events, changes = page.evaluate("[hands, changes]")
+    return [(event, picture, 0.0) for event in events if (picture := next((change for change in sorted(changes) if change > event), None))]
 
 
 def read(page, lab, since: float) -> list[tuple[float, float, float]]:
@@ -264,6 +284,8 @@ def main(names: list[str] | None = None) -> int:
                 page.close()
                 lab.end_kernels()
                 print_row(name, rows[name], head=len(rows) == 1)
+    if "labkit" in rows:
+        print("labkit after a turn of the wheel: {zoom:.0f} / {zoom 95:.0f} ms; after a click that starts a trajectory: {click:.0f} / {click 95:.0f} ms".format(**rows["labkit"]))
     if "labkit" in rows and rows.get("@interact", {}).get("pictures/s"):
         print(f"labkit shows {rows['labkit']['pictures/s'] / rows['@interact']['pictures/s']:.1f} times as many pictures a second as @interact")
     return 0
