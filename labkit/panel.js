@@ -82,7 +82,6 @@ function selectRow(control, changed) {
   const head = make("span", "labkit-head");
   const select = make("select", "labkit-select");
   select.append(...control.options.map((text) => make("option", "", text)));
-  select.value = control.value;
   select.addEventListener("change", () => changed(control.key, select.value, true));
   head.append(name(control), make("span", "labkit-meaning", control.meaning));
   row.append(head, select);
@@ -477,6 +476,7 @@ function render({ model, el }) {
       el.append(group);
     }
     rows[control.key] = (control.kind === "select" ? selectRow : sliderRow)(control, changed);
+    rows[control.key].put(control.value);
     rows[control.key].row.title = [control.meaning, control.unit && `in ${control.unit}`].filter(Boolean).join(", ");
     grids[control.group].append(rows[control.key].row);
   }

@@ -162,6 +162,8 @@ def test_the_panel(page, lab):
     assert failures(page) == []
     value, verdict = panel.locator(".labkit-value"), panel.locator(".labkit-verdict")
     height = panel.bounding_box()["height"]
+    assert all(field.input_value() for field in value.all()) and float(value.nth(1).input_value()) == 0.1
+    assert panel.locator(".labkit-range").nth(1).evaluate("range => [range.valueAsNumber, range.getAttribute('aria-valuetext')]") == [0.1, "0.1 1/s"]
 
     # The canvas shows what Matplotlib saves.
     names = {}
