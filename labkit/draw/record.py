@@ -86,7 +86,8 @@ class Recorder(RendererBase):
             seen = (places[:, 0] > x - reach) & (places[:, 0] < x + w + reach) & (places[:, 1] > y - reach) & (places[:, 1] < y + h + reach)
         places = np.floor(places[seen] + 0.5)  # as Agg does it
         if look and len(places):
-            key = (marker_path.vertices.tobytes(), marker_trans.get_matrix().tobytes(), gc.get_snap(), width)
+            codes = marker_path.codes
+            key = (marker_path.vertices.tobytes(), codes is not None and codes.tobytes(), marker_trans.get_matrix().tobytes(), gc.get_snap(), width)
             if key not in self.markers:
                 plain = marker_path.cleaned(marker_trans, curves=False, snap=False)
                 snapped = marker_path.cleaned(marker_trans, curves=False, snap=gc.get_snap(), stroke_width=width)
