@@ -168,7 +168,7 @@ function render({ model, el }) {
   const [rows, grids, wanted, pointers] = [{}, {}, {}, new Map()]; // wanted: limits that the user has asked for, by axes
   let [seq, sent, flying, patience] = [0, 0, null, []]; // flying: the message that waits for its answer
   let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false]; // the picture: parts in drawing order
-  let [still, above] = [[], []]; // those that lie below all moving ones, kept as pixels, and the rest
+  let above = []; // those from the first moving one on; the ones below it are kept as pixels
   let info = { axes: [], grips: [], span: [0, 1], t: null };
   let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
   let wide = spec.width; // of the canvas on the page; measured by an observer, since asking for it makes the browser lay out the page at once
@@ -261,9 +261,9 @@ function render({ model, el }) {
   const paint = () => {
     frame = 0;
     if (!base) {
-      const moves = order.findIndex((id) => id[0] === "m");
-      [still, above] = moves < 0 ? [order, []] : [order.slice(0, moves), order.slice(moves)];
-      base = layer(make("canvas"), still, newest.size).canvas; // the still background, once
+      const first = order.findIndex((id) => id[0] === "m");
+      above = first < 0 ? [] : order.slice(first);
+      base = layer(make("canvas"), order.slice(0, order.length - above.length), newest.size).canvas; // the still background, once
       if (newest.settled !== false) {
         const begin = performance.now();
         layer(make("canvas"), above, newest.size).getImageData(0, 0, 1, 1); // waits until all is painted

@@ -409,9 +409,12 @@ def test_a_held_run_stays_as_a_ghost(hands):
 
 
 def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_the_axes(hands):
+    def tallest(answer):
+        return max(op["image"][3] for name, ops in answer["ops"].items() if name[0] == "s" for op in ops if "image" in op)
+
     def letters():
         answer, _ = hands.tell(kind="ready")
-        return answer["size"], max(op["image"][3] for name, ops in answer["ops"].items() if name[0] == "s" for op in ops if "image" in op)
+        return answer["size"], tallest(answer)
 
     size, small = letters()
     limits = hands.panel.figure.axes[0].get_ylim()
@@ -422,7 +425,7 @@ def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_
     hands.tell(kind="large", on=False)
     assert letters() == (size, small)
     narrow, _ = hands.tell(kind="ready", ratio=0.5, scale=0.5)  # a narrow page: half the size, but not half the letters
-    assert narrow["size"] == [side // 2 for side in size] and max(op["image"][3] for name, ops in narrow["ops"].items() if name[0] == "s" for op in ops if "image" in op) > 0.75 * small
+    assert narrow["size"] == [side // 2 for side in size] and tallest(narrow) > 0.75 * small
     assert letters() == (size, small)
     hands.picture(**{"start.x": 2.01})
     assert hands.panel.figure.axes[0].get_ylim() != limits

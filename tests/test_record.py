@@ -236,7 +236,7 @@ def test_axes_that_stay_while_others_are_zoomed_are_not_drawn_again(monkeypatch)
         views[1].update(run)
         message, buffers = scene.picture(settled=False)
         assert drawn_axes == [zoomed] and "order" in message
-        scene.drawn = None, {}
+        scene.drawn = {}
         scene.forget()
         again, whole = scene.picture(settled=False)
         assert drawn_axes == [zoomed, 0, 1] and message == again and buffers == whole

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from types import BuiltinFunctionType, CellType, CodeType, FunctionType, SimpleNamespace
 
@@ -49,7 +50,7 @@ class Plane:
         self._templates: dict[str, tuple[list, int, int]] = {}
         self._kept: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._wide: dict[Callable, Callable] = {}
-        self._tried: dict[Callable, int] = {}  # how often it gave the same as one by one
+        self._tried: Counter[Callable] = Counter()  # how often it gave the same as one by one
 
     def is_plane(self, mode: str) -> bool:
         """True when the mode has no states beside the two, so that its equilibria and nullclines lie in the plane."""
@@ -76,7 +77,7 @@ class Plane:
         x, y, t = np.ravel(X).astype(float), np.ravel(Y).astype(float), self.t if t is None else t
         state, p = self._state, self.p
         if function not in self._wide:
-            self._wide[function], self._tried[function] = over_arrays(function), 0
+            self._wide[function] = over_arrays(function)
 
         def one(i: int) -> tuple:
             try:
@@ -266,7 +267,7 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
             mine.append(u)
             J = _jacobian(rates, u[None], 1e-3)[1][0]
             along = J[np.abs(J).max(axis=1).argmax(), ::-1] * (1, -1)  # along a nullcline
-            if np.abs(rates(u + [[0.01], [-0.01]] * along / (np.abs(along).max() or 1.0))).max() < 1e-9 and along.any():
+            if along.any() and np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9:
                 continue  # one of a whole line of equilibria, which the nullclines show
             A = J * scale[:, None] / size[None, :]
             kind = classify(A, tolerance) if np.all(np.isfinite(A)) else "equilibrium"

@@ -220,7 +220,7 @@ class Scene:
         self.artists: list[Artist] = []
         self.changed: set[Artist] = set()
         self.ratio, self.zoom, self.still, self.placed = 0.0, 1.0, False, True
-        self.drawn = None, {}  # with which recorder, and what of each axes
+        self.drawn: dict[Any, list] = {}  # parts of each axes, in drawing order
         self.figure.stale_callback = lambda figure, value: self.forget()
 
     def forget(self) -> None:
@@ -231,6 +231,7 @@ class Scene:
             self.ratio = ratio * self.zoom
             self.figure.dpi = CSS_DPI * self.ratio
             self.recorder = Recorder(self.figure.canvas.get_renderer())
+            self.drawn = {}
             self.forget()
         if self.artists != (artists := list(self.view.artists)):
             self.artists = artists
@@ -238,7 +239,7 @@ class Scene:
                 for artist in artists:
                     _fix_colors(artist)
                     artist.stale_callback = lambda artist, value: self.changed.add(artist)  # and not the figure's business
-            self.drawn = None, {}
+            self.drawn = {}
             self.forget()
         message: dict[str, Any] = {"size": [int(self.recorder.width), int(self.recorder.height)]}
         parts: dict[str, tuple] = {}
@@ -270,8 +271,7 @@ class Scene:
     def _draw_still(self, settled: bool) -> None:
         """Lets the figure draw itself; where it comes to a moving artist, a new part begins. Axes that stay as they are, while others are zoomed, repeat theirs."""
         stale = [axes for axes in self.figure.axes if axes.stale]  # as long as Figure.draw has not declared all of them so
-        recorder, known = self.recorder, {} if settled or self.drawn[0] is not self.recorder else self.drawn[1]
-        self.drawn: tuple = recorder, {}
+        recorder, known, self.drawn = self.recorder, {} if settled else self.drawn, {}
         recorder.take()
         self.parts: dict[str, tuple] = {}
         self.order: list[str] = []
@@ -292,9 +292,9 @@ class Scene:
             if old is None or axes in stale:
                 type(axes).draw(axes, renderer)
                 keep()
-                self.drawn[1][axes] = [(name, self.parts.get(name)) for name in self.order[begin:]]
+                self.drawn[axes] = [(name, self.parts.get(name)) for name in self.order[begin:]]
             else:
-                self.drawn[1][axes] = old
+                self.drawn[axes] = old
                 for name, part in old:
                     self.order.append(name if part is None else f"s{len(self.parts)}")
                     if part is not None:
