@@ -368,7 +368,7 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
     What only has to be read from disk is waited for, so that the last digit of a run does not depend on how fast a thread is.
     """
     code = _compiled(system, wait)
-    if code is None and system in _codes and core_is_kept() and _kept(_codes[system][0]).exists():
+    if code is None and any(thread.is_alive() for thread in _threads) and core_is_kept() and _kept(_codes[system][0]).exists():
         patience = 20.0
     until = time.monotonic() + patience
     while code is None and time.monotonic() < until and any(thread.is_alive() for thread in _threads):
