@@ -56,8 +56,9 @@ def walk(page):
 
 
 def failures(page):
+    """The errors and warnings under the cells. By textContent: Lab skips the painting of what is far away, and innerText is empty there."""
     kinds = ("application/vnd.jupyter.error", "application/vnd.jupyter.stderr")
-    return [text for kind in kinds for text in page.locator(f'.jp-Notebook [data-mime-type="{kind}"]').all_inner_texts()]
+    return [text for kind in kinds for text in page.locator(f'.jp-Notebook [data-mime-type="{kind}"]').all_text_contents()]
 
 
 def panels(page, least=1):

@@ -725,6 +725,49 @@ def test_import_is_light():
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.strip() == "[]"
 
 
+def with_the_core_only(folder, program):
+    """What a program prints whose cache has the compiled core (it takes long, so it is lent) and what earlier programs left there."""
+    core = backends._kept(backends.CORE + backends.HOW)
+    (folder / core.name).write_bytes(core.read_bytes())
+    root = os.path.dirname(os.path.dirname(__file__))
+    environment = {**os.environ, "LABKIT_CACHE": str(folder), "PYTHONPATH": root}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=root)
+    assert done.returncode == 0 and done.stderr == "", done.stdout + done.stderr
+    return done.stdout
+
+
+def test_nothing_is_imported_or_parsed_beside_a_running_cell(tmp_path):
+    """Numba's imports and a cell's (scipy.integrate), its parsing of signatures and IPython's of cells: only one at a time."""
+    program = """if True:
+        import ast, sys, threading
+        from labkit import simulate
+        from tests.systems import stick_slip
+        beside, parse = [], ast.parse
+        ast.parse = lambda *words, **more: beside.append(threading.current_thread().name) or parse(*words, **more)
+        backend = simulate(stick_slip(), 1.0).work.backend
+        (thread,) = [thread for thread in threading.enumerate() if thread.name == "labkit compiles"]  # goes on
+        beside.clear()
+        before = set(sys.modules)
+        thread.join()
+        print(backend, beside, {name.split(".")[0] for name in set(sys.modules) - before} - {"numba"}, simulate(stick_slip(), 1.0).work.backend)
+    """
+    assert with_the_core_only(tmp_path, program).split() == ["plain", "[]", "set()", "compiled"]
+
+
+def test_code_that_is_ready_just_after_it_was_asked_for_is_not_missed(monkeypatch):
+    backends.compiled(systems.stick_slip(), wait=True)
+    ask = backends._compiled
+
+    def slow(system, wait):
+        answer = ask(system, wait)
+        for thread in backends._threads:
+            thread.join()
+        return answer
+
+    monkeypatch.setattr(backends, "_compiled", slow)
+    assert backends.compiled(systems.stick_slip()) is not None
+
+
 def test_a_later_kernel_finds_the_compiled_code(tmp_path):
     """Two processes, one cache folder: the second compiles nothing (helpers included)."""
     program = (
@@ -733,13 +776,7 @@ def test_a_later_kernel_finds_the_compiled_code(tmp_path):
         "CFunc._compile_uncached = lambda self: count.append(1) or original(self)\n"
         "print(len(simulate(stick_slip(), 9.0, backend='compiled').events) + len(simulate(relay(), 9.0, backend='compiled').events), len(count))"
     )
-    root = os.path.dirname(os.path.dirname(__file__))
-    cache = backends.cache_folder()
-    for file in cache.glob("*.bin"):  # the core takes long: lend it
-        if file.stat().st_size > 100_000:
-            (tmp_path / file.name).write_bytes(file.read_bytes())
-    environment = {**os.environ, "LABKIT_CACHE": str(tmp_path), "PYTHONPATH": root}
-    printed = [subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=root).stdout.split() for _ in range(2)]
+    printed = [with_the_core_only(tmp_path, program).split() for _ in range(2)]
     assert printed == [["7", "2"], ["7", "0"]]
     program = "from tests.systems import stick_slip\nfrom labkit import simulate\nprint(simulate(stick_slip(), 9.0).work.backend)"  # and waits for it: a run's last digit is not a matter of luck
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=root).stdout.split() == ["compiled"]
+    assert with_the_core_only(tmp_path, program).split() == ["compiled"]

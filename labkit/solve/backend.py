@@ -76,6 +76,21 @@ def _kept(text: str) -> Path:
     return cache_folder() / f"{hashlib.sha256((_machine() + text).encode()).hexdigest()[:40]}.bin"
 
 
+_imported = threading.Event()
+
+
+def _import() -> None:
+    """Import all that compiling takes, while `compiled` keeps the cell from going on.
+
+    On its way Numba parses signatures, and two threads that parse at once are an error in Python up to 3.12 (gh-106905); it takes
+    modules of SciPy that a cell may just be importing in another order. In the cell's own thread an interrupt would leave it half imported.
+    """
+    from numba.core.registry import cpu_target
+
+    cpu_target.target_context.refresh()
+    _imported.set()
+
+
 def _c_function(text: str, make: Callable[[], tuple[Callable, object]]) -> tuple[object, int]:
     """(what to keep alive, address) of a C function: the one kept under `text`, or a new one from make() -> (function, signature)."""
     from numba.core.ccallback import CFunc
@@ -92,6 +107,7 @@ def _c_function(text: str, make: Callable[[], tuple[Callable, object]]) -> tuple
                 context.refresh()  # which takes half a second
             result = CompileResult._rebuild(context, *pickle.loads(data))
         except Exception:  # missing, damaged, written by another version: it is only a cache
+            _import()
             function, signature = make()
             result = CFunc(function, (signature.args, signature.return_type), {}, {"error_model": "numpy"})._compile_uncached()
             with suppress(OSError):
@@ -365,16 +381,17 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
     """compiled(system) -> Code, or None while it is being made (or cannot be).
 
     wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at most and raises nothing.
-    What only has to be read from disk is waited for, so that the last digit of a run does not depend on how fast a thread is.
+    What only has to be read from disk is waited for, so that the last digit of a run does not depend on how fast a thread is;
+    and Numba's imports are (a second, once), because they and a running cell can break each other: see _import.
     """
     code = _compiled(system, wait)
     if code is None and any(thread.is_alive() for thread in _threads) and core_is_kept() and _kept(_codes[system][0]).exists():
         patience = 20.0
     until = time.monotonic() + patience
-    while code is None and time.monotonic() < until and any(thread.is_alive() for thread in _threads):
+    while code is None and (time.monotonic() < until or not _imported.is_set()) and any(thread.is_alive() for thread in _threads):
         time.sleep(0.02)
         code = _compiled(system, False)
-    return code
+    return code or _compiled(system, False)  # its thread may have ended since it was last asked for
 
 
 def _compiled(system: System, wait: bool) -> Code | None:
@@ -454,6 +471,7 @@ def load_core(here: bool = False) -> None:
     with _one_at_a_time:
         if _core is None:
             if not here and not core_is_kept():
+                _import()
                 subprocess.run([sys.executable, "-m", "labkit.solve"], check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])})
             _core = _c_function(CORE + HOW, _make_core)
