@@ -82,8 +82,9 @@ _imported = threading.Event()
 def _import() -> None:
     """Import all that compiling takes, while `compiled` keeps the cell from going on.
 
-    On its way Numba parses signatures, and two threads that parse at once are an error in Python up to 3.12 (gh-106905); it takes
-    modules of SciPy that a cell may just be importing in another order. In the cell's own thread an interrupt would leave it half imported.
+    Beside a running cell this can fail, and the model would stay plain: of 264 first runs of a notebook on a busy machine one did
+    ("dictionary changed size during iteration"). Numba also parses signatures on its way, and two threads that parse at once are an error
+    in Python up to 3.12 (gh-106905). In the cell's own thread an interrupt would leave it half imported.
     """
     from numba.core.registry import cpu_target
 
