@@ -23,13 +23,44 @@ from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-__all__ = ["At", "Every", "Mode", "ModelError", "Output", "Parameter", "System", "Transition", "OPTIONS"]
+__all__ = [
+    "At",
+    "Every",
+    "Mode",
+    "ModelError",
+    "Output",
+    "Parameter",
+    "System",
+    "Transition",
+    "OPTIONS",
+]
 
 #: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may not be called so.
-OPTIONS = frozenset({
-    "system", "t_end", "t0", "start", "mode", "method", "rtol", "atol", "step", "max_step", "points", "locate",
-    "backend", "max_events", "max_steps", "workers", "draw", "show", "title", "horizon", "dense",
-})
+OPTIONS = frozenset(
+    {
+        "system",
+        "t_end",
+        "t0",
+        "start",
+        "mode",
+        "method",
+        "rtol",
+        "atol",
+        "step",
+        "max_step",
+        "points",
+        "locate",
+        "backend",
+        "max_events",
+        "max_steps",
+        "workers",
+        "draw",
+        "show",
+        "title",
+        "horizon",
+        "dense",
+    }
+)
 
 #: What a run and its files call their own columns; a state or an output may not be called so.
 COLUMNS = frozenset({"t", "j", "mode", "stopped", "file"})
@@ -58,8 +89,15 @@ def number(value: object, what: str) -> float:
 
 
 def _identifier(name: object, what: str) -> str:
-    if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
-        raise ModelError(f"{what} {name!r} must be a plain Python name (letters, digits, _), so that s.{name} or p.{name} can be written")
+    if (
+        not isinstance(name, str)
+        or not name.isidentifier()
+        or keyword.iskeyword(name)
+        or name.startswith("_")
+    ):
+        raise ModelError(
+            f"{what} {name!r} must be a plain Python name (letters, digits, _), so that s.{name} or p.{name} can be written"
+        )
     return name
 
 
@@ -80,14 +118,23 @@ class Parameter:
 
     def check(self, name: str, value: object) -> float:
         """parameter.check("e", 1.2) -> the value as float; ModelError when it is no number or out of range."""
-        low, high = (None if bound is None else number(bound, f"a bound of parameter {name!r}") for bound in (self.low, self.high))
+        low, high = (
+            None if bound is None else number(bound, f"a bound of parameter {name!r}")
+            for bound in (self.low, self.high)
+        )
         if low is not None and high is not None and low > high:
-            raise ModelError(f"parameter {name!r} has the range [{low:g}, {high:g}]: its lower bound is above the upper one")
+            raise ModelError(
+                f"parameter {name!r} has the range [{low:g}, {high:g}]: its lower bound is above the upper one"
+            )
         result = number(value, f"parameter {name!r}")
-        if (self.low is not None and result < self.low) or (self.high is not None and result > self.high):
+        if (self.low is not None and result < self.low) or (
+            self.high is not None and result > self.high
+        ):
             low = "-∞" if self.low is None else f"{self.low:g}"
             high = "∞" if self.high is None else f"{self.high:g}"
-            raise ModelError(f"parameter {name!r} = {result:g} is outside its range [{low}, {high}]{' ' + self.unit if self.unit else ''}")
+            raise ModelError(
+                f"parameter {name!r} = {result:g} is outside its range [{low}, {high}]{' ' + self.unit if self.unit else ''}"
+            )
         return result
 
 
@@ -198,74 +245,127 @@ class System:
     Raises ModelError, naming the piece and the mend, for an unknown mode, a name used twice, a value out of range…
     """
 
-    def __init__(self, name: str, states: Mapping[str, str | tuple[str, str]], parameters: Mapping[str, Parameter | float] | None = None,
-                 modes: Sequence[Mode] = (), transitions: Sequence[Transition] = (), start: Mapping[str, float] | None = None,
-                 mode: str | Function | None = None, outputs: Mapping[str, Output] | None = None, time: str = "s"):
+    def __init__(
+        self,
+        name: str,
+        states: Mapping[str, str | tuple[str, str]],
+        parameters: Mapping[str, Parameter | float] | None = None,
+        modes: Sequence[Mode] = (),
+        transitions: Sequence[Transition] = (),
+        start: Mapping[str, float] | None = None,
+        mode: str | Function | None = None,
+        outputs: Mapping[str, Output] | None = None,
+        time: str = "s",
+    ):
         self.name = name
         self.time = time
         self.units: dict[str, str] = {}
         self.meanings: dict[str, str] = {}
         if not isinstance(states, Mapping):
-            raise ModelError(f"states of {name!r} must be a dict of names and units, {{'x': 'm', …}}, not {states!r}")
+            raise ModelError(
+                f"states of {name!r} must be a dict of names and units, {{'x': 'm', …}}, not {states!r}"
+            )
         if not states:
             raise ModelError(f"system {name!r} has no states: give states={{'x': 'm', …}}")
         self.states = self._add_states(states, "the system")
         self.parameters = self._make_parameters(parameters or {})
         self.modes = self._make_modes(modes)
-        self.transitions = tuple(self._check_transition(tr) for tr in ([transitions] if isinstance(transitions, Transition) else transitions))
+        self.transitions = tuple(
+            self._check_transition(tr)
+            for tr in ([transitions] if isinstance(transitions, Transition) else transitions)
+        )
         self.outputs = dict(outputs or {})
         for output, what in self.outputs.items():
             _identifier(output, "output")
             if output in self.units or output in self.parameters or output in COLUMNS:
-                raise ModelError(f"output {output!r} has the name of a state, a parameter or a column of every run: give it another")
+                raise ModelError(
+                    f"output {output!r} has the name of a state, a parameter or a column of every run: give it another"
+                )
             functions = what.function if isinstance(what, Output) else what
-            if not isinstance(what, Output) or not all(map(callable, functions.values() if isinstance(functions, Mapping) else [functions])):
-                raise ModelError(f"output {output!r} must be Output(function of (t, s, p), unit, meaning), not {what!r}")
+            if not isinstance(what, Output) or not all(
+                map(callable, functions.values() if isinstance(functions, Mapping) else [functions])
+            ):
+                raise ModelError(
+                    f"output {output!r} must be Output(function of (t, s, p), unit, meaning), not {what!r}"
+                )
             if isinstance(functions, Mapping) and (unknown := set(functions) - set(self.modes)):
-                raise ModelError(f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; there are {listed(self.modes)}")
+                raise ModelError(
+                    f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; there are {listed(self.modes)}"
+                )
         if mode is not None and not callable(mode) and mode not in self.modes:
-            raise ModelError(f"start mode {mode!r} is not a mode of {name!r}; there are {listed(self.modes)}")
+            raise ModelError(
+                f"start mode {mode!r} is not a mode of {name!r}; there are {listed(self.modes)}"
+            )
         self.mode = mode if mode is not None else next(iter(self.modes))
         if not isinstance(start or {}, Mapping):
-            raise ModelError(f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r}")
-        self.start = {key: number(value, f"start of {key!r}") for key, value in (start or {}).items()}
+            raise ModelError(
+                f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r}"
+            )
+        self.start = {
+            key: number(value, f"start of {key!r}") for key, value in (start or {}).items()
+        }
         if unknown := [key for key in self.start if key not in self.units]:
-            raise ModelError(f"start names the unknown state(s) {listed(unknown)}; there are {listed(self.units)}")
+            raise ModelError(
+                f"start names the unknown state(s) {listed(unknown)}; there are {listed(self.units)}"
+            )
         if not callable(self.mode):
             self.check_start(self.start, self.mode)
         self.P = namedtuple("P", list(self.parameters))  # type: ignore[misc]
         self.S = {key: namedtuple("S", self.states_of(key)) for key in self.modes}  # type: ignore[misc]
         #: (mode name -> transitions that may leave it, as positions in `transitions`, highest priority first)
         self.leaving = {
-            key: sorted((i for i, tr in enumerate(self.transitions) if key in tr.sources), key=lambda i: (-self.transitions[i].priority, i))
+            key: sorted(
+                (i for i, tr in enumerate(self.transitions) if key in tr.sources),
+                key=lambda i: (-self.transitions[i].priority, i),
+            )
             for key in self.modes
         }
 
-    def _add_states(self, states: Mapping[str, str | tuple[str, str]], owner: str) -> tuple[str, ...]:
+    def _add_states(
+        self, states: Mapping[str, str | tuple[str, str]], owner: str
+    ) -> tuple[str, ...]:
         for key, what in states.items():
             _identifier(key, f"state of {owner}")
             if key == "t":
-                raise ModelError("a state cannot be called 't': that is the time, the first argument of every function")
+                raise ModelError(
+                    "a state cannot be called 't': that is the time, the first argument of every function"
+                )
             if key in COLUMNS:
-                raise ModelError(f"a state cannot be called {key!r}: every run has a column of that name")
-            if not isinstance(what, str) and not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(word, str) for word in what)):
-                raise ModelError(f"state {key!r} of {owner} needs a unit, or (unit, meaning), not {what!r}")
+                raise ModelError(
+                    f"a state cannot be called {key!r}: every run has a column of that name"
+                )
+            if not isinstance(what, str) and not (
+                isinstance(what, tuple)
+                and len(what) == 2
+                and all(isinstance(word, str) for word in what)
+            ):
+                raise ModelError(
+                    f"state {key!r} of {owner} needs a unit, or (unit, meaning), not {what!r}"
+                )
             unit, meaning = (what, "") if isinstance(what, str) else what
             if self.units.setdefault(key, unit) != unit:
-                raise ModelError(f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} elsewhere: use another name")
+                raise ModelError(
+                    f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} elsewhere: use another name"
+                )
             self.meanings.setdefault(key, meaning)
         return tuple(states)
 
     def _make_parameters(self, parameters: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
         if not isinstance(parameters, Mapping):
-            raise ModelError(f"parameters of {self.name!r} must be a dict of names and Parameters, not {parameters!r}")
+            raise ModelError(
+                f"parameters of {self.name!r} must be a dict of names and Parameters, not {parameters!r}"
+            )
         made = {}
         for key, value in parameters.items():
             _identifier(key, "parameter")
             if key in OPTIONS:
-                raise ModelError(f"parameter {key!r} is named like an option of simulate: rename it (for example {key}_)")
+                raise ModelError(
+                    f"parameter {key!r} is named like an option of simulate: rename it (for example {key}_)"
+                )
             if key == "t" or key in self.units:
-                raise ModelError(f"parameter {key!r} has the name of {'the time' if key == 't' else 'a state'}: give it another, a formula could not tell them apart")
+                raise ModelError(
+                    f"parameter {key!r} has the name of {'the time' if key == 't' else 'a state'}: give it another, a formula could not tell them apart"
+                )
             what = value if isinstance(value, Parameter) else Parameter(value)  # type: ignore[arg-type]
             made[key] = replace(what, value=what.check(key, what.value))
         return made
@@ -282,46 +382,77 @@ class System:
             if mode.name in made:
                 raise ModelError(f"two modes are called {mode.name!r}: give each its own name")
             if not callable(mode.flow):
-                raise ModelError(f"the flow of mode {mode.name!r} must be a function of (t, s, p), not {mode.flow!r}")
+                raise ModelError(
+                    f"the flow of mode {mode.name!r} must be a function of (t, s, p), not {mode.flow!r}"
+                )
             if mode.states is not None:
                 self._add_states(mode.states, f"mode {mode.name!r}")
                 if clash := [key for key in mode.states if key in self.parameters]:
-                    raise ModelError(f"mode {mode.name!r} has a state with the name of the parameter {listed(clash)}: give one of them another")
+                    raise ModelError(
+                        f"mode {mode.name!r} has a state with the name of the parameter {listed(clash)}: give one of them another"
+                    )
             made[mode.name] = mode
         return made
 
     def _check_transition(self, tr: Transition) -> Transition:
         if not isinstance(tr, Transition) or not isinstance(tr.source, str | tuple | list):
-            raise ModelError(f"transitions of {self.name!r} must be Transition(source mode, target mode, …), not {tr!r}")
+            raise ModelError(
+                f"transitions of {self.name!r} must be Transition(source mode, target mode, …), not {tr!r}"
+            )
         what = f"transition {tr.name!r}"
         number(tr.priority, f"priority of {what}")
         for end in (*tr.sources, tr.target, tr.zeno):
             if end is not None and end not in self.modes:
-                raise ModelError(f"{what} names the unknown mode {end!r}; there are {listed(self.modes)}")
+                raise ModelError(
+                    f"{what} names the unknown mode {end!r}; there are {listed(self.modes)}"
+                )
         if not tr.sources:
             raise ModelError(f"{what} has no source mode")
         if (tr.guard is None) == (tr.at is None):
-            raise ModelError(f"{what} needs either a guard (a function) or at= (a schedule), and not both")
+            raise ModelError(
+                f"{what} needs either a guard (a function) or at= (a schedule), and not both"
+            )
         if tr.guard is not None and not callable(tr.guard):
-            raise ModelError(f"the guard of {what} must be a function of (t, s, p), not {tr.guard!r}")
+            raise ModelError(
+                f"the guard of {what} must be a function of (t, s, p), not {tr.guard!r}"
+            )
         if tr.reset is not None and not callable(tr.reset):
-            raise ModelError(f"the reset of {what} must be a function of (t, s, p), not {tr.reset!r}")
+            raise ModelError(
+                f"the reset of {what} must be a function of (t, s, p), not {tr.reset!r}"
+            )
         if tr.direction not in (-1, 0, 1):
-            raise ModelError(f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 (both)")
+            raise ModelError(
+                f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 (both)"
+            )
         if tr.at is not None and not isinstance(tr.at, Every | At):
             raise ModelError(f"{what}: at= takes Every(period) or At(instant, …), not {tr.at!r}")
         if tr.urgent and tr.direction == 0:
-            raise ModelError(f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, -1 while it is < 0")
+            raise ModelError(
+                f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, -1 while it is < 0"
+            )
         if number(tr.tolerance, f"tolerance of {what}") < 0 or (tr.tolerance and tr.direction == 0):
             raise ModelError(f"{what}: tolerance must be ≥ 0, and needs a direction of +1 or -1")
         if tr.reset is None and tr.target is not None:
             for end in {tr.target, tr.zeno or tr.target}:
                 for source in tr.sources:
                     if self.states_of(source) != self.states_of(end):
-                        raise ModelError(f"{what} needs a reset: mode {source!r} has the states {listed(self.states_of(source))}, mode {end!r} has {listed(self.states_of(end))}")
-        for value in (tr.delay, *((tr.at.period, tr.at.first) if isinstance(tr.at, Every) else tr.at.instants if tr.at else ())):
+                        raise ModelError(
+                            f"{what} needs a reset: mode {source!r} has the states {listed(self.states_of(source))}, mode {end!r} has {listed(self.states_of(end))}"
+                        )
+        for value in (
+            tr.delay,
+            *(
+                (tr.at.period, tr.at.first)
+                if isinstance(tr.at, Every)
+                else tr.at.instants
+                if tr.at
+                else ()
+            ),
+        ):
             if isinstance(value, str) and value not in self.parameters:
-                raise ModelError(f"{what} names the unknown parameter {value!r}; there are {listed(self.parameters)}")
+                raise ModelError(
+                    f"{what} names the unknown parameter {value!r}; there are {listed(self.parameters)}"
+                )
         return tr
 
     def states_of(self, mode: str) -> tuple[str, ...]:
@@ -339,23 +470,36 @@ class System:
             return self.outputs[name].unit
         if name in self.parameters:
             return self.parameters[name].unit
-        raise ModelError(f"{name!r} is neither a state, an output nor a parameter of {self.name!r}; there are {listed([*self.units, *self.outputs, *self.parameters])}")
+        raise ModelError(
+            f"{name!r} is neither a state, an output nor a parameter of {self.name!r}; there are {listed([*self.units, *self.outputs, *self.parameters])}"
+        )
 
     def values(self, changed: Mapping[str, object] | None = None) -> tuple[float, ...]:
         """system.values({"e": 0.9}) -> all parameters as a named tuple p; ModelError for an unknown name or bad value."""
         if not changed:
             return self.P(*(parameter.value for parameter in self.parameters.values()))
         if unknown := [key for key in changed if key not in self.parameters]:
-            raise ModelError(f"{listed(unknown)} is not a parameter of {self.name!r}; there are {listed(self.parameters)}")
-        return self.P(*(parameter.check(key, changed[key]) if key in changed else parameter.value for key, parameter in self.parameters.items()))
+            raise ModelError(
+                f"{listed(unknown)} is not a parameter of {self.name!r}; there are {listed(self.parameters)}"
+            )
+        return self.P(
+            *(
+                parameter.check(key, changed[key]) if key in changed else parameter.value
+                for key, parameter in self.parameters.items()
+            )
+        )
 
     def check_start(self, start: Mapping[str, float], mode: str) -> tuple[float, ...]:
         """system.check_start(start, mode) -> the values in the mode's order; ModelError when one is missing or too many."""
         names = self.states_of(mode)
         if unknown := [key for key in start if key not in self.units]:
-            raise ModelError(f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has {listed(names)}")
+            raise ModelError(
+                f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has {listed(names)}"
+            )
         if missing := [key for key in names if key not in start]:
-            raise ModelError(f"start gives no value for {listed(missing)}: mode {mode!r} has the states {listed(names)}")
+            raise ModelError(
+                f"start gives no value for {listed(missing)}: mode {mode!r} has the states {listed(names)}"
+            )
         return tuple(number(start[key], f"start of {key!r}") for key in names)
 
     def resolve(self, value: Number, p: tuple[float, ...], what: str) -> float:

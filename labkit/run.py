@@ -1,8 +1,8 @@
 """What a simulation leaves behind: samples, values at any time, the event ledger, the work done, export.
 
-    run = simulate(ball, 12.0, e=0.9)
-    run.t, run["y"], run.at(3.2)["v"], run.events[0].t, run.stopped, run.mode
-    run.to_csv("ball.csv"); run.to_npz("ball.npz"); load_npz("ball.npz")["y"]; run.to_frame()
+run = simulate(ball, 12.0, e=0.9)
+run.t, run["y"], run.at(3.2)["v"], run.events[0].t, run.stopped, run.mode
+run.to_csv("ball.csv"); run.to_npz("ball.npz"); load_npz("ball.npz")["y"]; run.to_frame()
 """
 
 from __future__ import annotations
@@ -37,9 +37,15 @@ class Event:
 
     def __str__(self) -> str:
         # differences of rounding size would tell of the machine, not of the system
-        pairs = [(k, self.before[k], v) for k, v in self.after.items() if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))]
+        pairs = [
+            (k, self.before[k], v)
+            for k, v in self.after.items()
+            if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))
+        ]
         changed = ", ".join(f"{k} {old:.6g} → {new:.6g}" for k, old, new in pairs)
-        return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (f"  ({changed})" if changed else "")
+        return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (
+            f"  ({changed})" if changed else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -149,12 +155,19 @@ class Run:
         when = np.atleast_1d(np.asarray(t, dtype=float))
         first, last = self.t[0], self.t[-1]
         if not np.all((when >= first) & (when <= last)):
-            raise ModelError(f"t = {when[~((when >= first) & (when <= last))][0]:g} lies outside the run, {first:g} … {last:g}")
+            raise ModelError(
+                f"t = {when[~((when >= first) & (when <= last))][0]:g} lies outside the run, {first:g} … {last:g}"
+            )
         width = self.values.shape[1]
         modes = np.full(when.shape, self.mode_index[-1])
         values = np.repeat(self.values[-1:], len(when), axis=0)
         if len(self.pieces):
-            index = np.searchsorted(self.pieces[:, 0], when, side="right" if side == "after" else "left") - 1
+            index = (
+                np.searchsorted(
+                    self.pieces[:, 0], when, side="right" if side == "after" else "left"
+                )
+                - 1
+            )
             inside = np.ones(len(when), dtype=bool)
             if side == "after":
                 inside = when < last
@@ -164,22 +177,39 @@ class Run:
             piece = self.pieces[index[inside]]
             theta = ((when[inside] - piece[:, 0]) / piece[:, 1])[:, None]
             modes[inside] = piece[:, 2].astype(int)
-            coefficients = piece[:, 3:].reshape(len(piece), (self.pieces.shape[1] - 3) // width, width)  # not -1: there may be no piece
+            coefficients = piece[:, 3:].reshape(
+                len(piece), (self.pieces.shape[1] - 3) // width, width
+            )  # not -1: there may be no piece
             y = np.zeros((len(piece), width))
             for k in range(coefficients.shape[1] - 1, -1, -1):
                 y = y * theta + coefficients[:, k]
             values[inside] = y
-        found = {name: _column(self.system, self.p, name, when, modes, values) for name in (*self.system.units, *self.system.outputs)}
+        found = {
+            name: _column(self.system, self.p, name, when, modes, values)
+            for name in (*self.system.units, *self.system.outputs)
+        }
         found["mode"] = np.array(list(self.system.modes), dtype=object)[modes]
-        return {key: value.tolist()[0] if np.ndim(t) == 0 else value for key, value in found.items()}
+        return {
+            key: value.tolist()[0] if np.ndim(t) == 0 else value for key, value in found.items()
+        }
 
     def ledger(self) -> str:
         """print(run.ledger()): events and touched limits, one a line, and why the run ended."""
-        return "\n".join([*map(str, sorted([*self.events, *self.touches], key=lambda line: line.t)), f"{self.t[-1]:12.6f}  {self.stopped}"])
+        return "\n".join(
+            [
+                *map(str, sorted([*self.events, *self.touches], key=lambda line: line.t)),
+                f"{self.t[-1]:12.6f}  {self.stopped}",
+            ]
+        )
 
     def columns(self) -> dict[str, np.ndarray]:
         """run.columns() -> {"t", "j", "mode", every state, every output}: what the exports hold."""
-        return {"t": self.t, "j": self.j, "mode": self.mode.astype(str), **{n: self[n] for n in (*self.system.units, *self.system.outputs)}}
+        return {
+            "t": self.t,
+            "j": self.j,
+            "mode": self.mode.astype(str),
+            **{n: self[n] for n in (*self.system.units, *self.system.outputs)},
+        }
 
     def to_csv(self, path: str | os.PathLike) -> Path:
         """run.to_csv("ball.csv") -> path. UTF-8, a header with units, numbers that read back to the same bits.
@@ -189,15 +219,29 @@ class Run:
         columns = self.columns()
         text = io.StringIO(newline="")
         writer = csv.writer(text)
-        writer.writerow([n if n in ("j", "mode") else f"{n} [{self.system.unit(n)}]" if self.system.unit(n) else n for n in columns])
+        writer.writerow(
+            [
+                n
+                if n in ("j", "mode")
+                else f"{n} [{self.system.unit(n)}]"
+                if self.system.unit(n)
+                else n
+                for n in columns
+            ]
+        )
         writer.writerows(zip(*(c.tolist() for c in columns.values()), strict=True))
         return _write(path, text.getvalue().encode())
 
     def to_npz(self, path: str | os.PathLike) -> Path:
         """run.to_npz("ball.npz") -> path. All columns, parameters and the ledger; `load_npz` reads it back exactly."""
         data = io.BytesIO()
-        parameters = {f"p.{name}": value for name, value in zip(self.p._fields, self.p, strict=True)}
-        ledger = {"event.t": [e.t for e in self.events], "event.transition": np.array([e.transition for e in self.events], dtype=str)}
+        parameters = {
+            f"p.{name}": value for name, value in zip(self.p._fields, self.p, strict=True)
+        }
+        ledger = {
+            "event.t": [e.t for e in self.events],
+            "event.transition": np.array([e.transition for e in self.events], dtype=str),
+        }
         np.savez_compressed(data, **self.columns(), **parameters, **ledger, stopped=self.stopped)
         return _write(path, data.getvalue())
 
@@ -206,7 +250,9 @@ class Run:
         try:
             import pandas
         except ImportError:
-            raise ModelError("a data frame needs pandas: pip install pandas (run.to_csv and run.columns() work without)") from None
+            raise ModelError(
+                "a data frame needs pandas: pip install pandas (run.to_csv and run.columns() work without)"
+            ) from None
         return pandas.DataFrame(self.columns())
 
     def __len__(self) -> int:
@@ -238,32 +284,60 @@ class Runs:
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name in self.system.units:  # the parameters do not matter: all lanes at once
-            return _column(self.system, (), name, self.t.ravel(), self.mode_index.ravel(), self.values.reshape(-1, self.values.shape[2])).reshape(self.t.shape)
-        return np.array([_column(self.system, p, name, t, m, v) for p, t, m, v in zip(self.p, self.t, self.mode_index, self.values, strict=True)])
+            return _column(
+                self.system,
+                (),
+                name,
+                self.t.ravel(),
+                self.mode_index.ravel(),
+                self.values.reshape(-1, self.values.shape[2]),
+            ).reshape(self.t.shape)
+        return np.array(
+            [
+                _column(self.system, p, name, t, m, v)
+                for p, t, m, v in zip(self.p, self.t, self.mode_index, self.values, strict=True)
+            ]
+        )
 
     def __iter__(self) -> Iterator[dict[str, np.ndarray]]:
         """for lane in runs: lane["t"], lane["mode_index"], lane["x"] … without the padding."""
         for p, t, m, v in zip(self.p, self.t, self.mode_index, self.values, strict=True):
             k = m >= 0
-            yield {"t": t[k], "mode_index": m[k], **{n: _column(self.system, p, n, t[k], m[k], v[k]) for n in self.system.units}}
+            yield {
+                "t": t[k],
+                "mode_index": m[k],
+                **{n: _column(self.system, p, n, t[k], m[k], v[k]) for n in self.system.units},
+            }
 
     @property
     def final(self) -> dict[str, np.ndarray]:
         last = (self.mode_index >= 0).sum(axis=1) - 1
         lanes = np.arange(len(self))
-        t, modes, values = self.t[lanes, last], self.mode_index[lanes, last], self.values[lanes, last]
-        return {name: _column(self.system, (), name, t, modes, values) for name in self.system.units}
+        t, modes, values = (
+            self.t[lanes, last],
+            self.mode_index[lanes, last],
+            self.values[lanes, last],
+        )
+        return {
+            name: _column(self.system, (), name, t, modes, values) for name in self.system.units
+        }
 
     def __repr__(self) -> str:
-        return f"Runs of {self.system.name!r}: {len(self)} runs, up to {self.t.shape[1]} samples each"
+        return (
+            f"Runs of {self.system.name!r}: {len(self)} runs, up to {self.t.shape[1]} samples each"
+        )
 
 
-def _column(system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _column(
+    system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarray, values: np.ndarray
+) -> np.ndarray:
     """One state or output over samples of mixed modes; NaN where the mode does not have it."""
     result = np.full(len(t), np.nan)
     keys = list(system.modes)
     if name not in system.units and name not in system.outputs:
-        raise ModelError(f"{name!r} is neither a state nor an output of {system.name!r}; there are {listed([*system.units, *system.outputs])}")
+        raise ModelError(
+            f"{name!r} is neither a state nor an output of {system.name!r}; there are {listed([*system.units, *system.outputs])}"
+        )
     for index, key in enumerate(keys):
         here = np.flatnonzero(modes == index)
         if not len(here):
@@ -278,7 +352,9 @@ def _column(system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarra
             function = function.get(key) if isinstance(function, Mapping) else function
             if function is not None:
                 kind = system.S[key]
-                result[here] = [function(t[i], kind(*values[i, : len(names)].tolist()), p) for i in here]
+                result[here] = [
+                    function(t[i], kind(*values[i, : len(names)].tolist()), p) for i in here
+                ]
     return result
 
 
@@ -289,9 +365,13 @@ os.umask(_UMASK)
 def write_whole(path: str | os.PathLike, data: bytes) -> None:
     """write_whole("a.csv", data): beside the goal, then renamed, so that a full disk or a lost share never leaves half a file. Raises OSError."""
     path, temporary = Path(path), None
-    mode = path.stat().st_mode if path.exists() else 0o666 & ~_UMASK  # a temporary file is for its owner alone
+    mode = (
+        path.stat().st_mode if path.exists() else 0o666 & ~_UMASK
+    )  # a temporary file is for its owner alone
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f".{path.name}.", delete=False
+        ) as file:
             temporary = file.name
             file.write(data)
         os.chmod(temporary, mode)
@@ -306,7 +386,9 @@ def _write(path: str | os.PathLike, data: bytes) -> Path:
     try:
         write_whole(path, data)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise ModelError(f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): choose a folder that exists and that you may write to") from error
+        raise ModelError(
+            f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): choose a folder that exists and that you may write to"
+        ) from error
     return Path(path)
 
 
@@ -316,4 +398,6 @@ def load_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as data:
             return {key: data[key] for key in data.files}
     except (OSError, ValueError, AttributeError, TypeError) as error:  # the last two: a plain .npy
-        raise ModelError(f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or error}): it must be a file that run.to_npz wrote") from error
+        raise ModelError(
+            f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or error}): it must be a file that run.to_npz wrote"
+        ) from error

@@ -69,7 +69,9 @@ class _Path:
     def decide(self, condition: Any) -> bool:
         self.asked += 1
         if self.asked > MAX_QUESTIONS:
-            raise Untraceable("it makes too many comparisons: perhaps a loop that ends only for numbers")
+            raise Untraceable(
+                "it makes too many comparisons: perhaps a loop that ends only for numbers"
+            )
         if condition in self.known:
             return self.known[condition]
         answer = self.prefix[len(self.taken)][1] if len(self.taken) < len(self.prefix) else True
@@ -152,10 +154,23 @@ def _operators() -> None:
         return call
 
     for name in ("add", "sub", "mul", "truediv", "pow", "mod", "floordiv"):
-        function = (lambda a, b: sp.floor(a / b)) if name == "floordiv" else (lambda a, b: sp.Mod(a, b)) if name == "mod" else getattr(operator, name)
+        function = (
+            (lambda a, b: sp.floor(a / b))
+            if name == "floordiv"
+            else (lambda a, b: sp.Mod(a, b))
+            if name == "mod"
+            else getattr(operator, name)
+        )
         setattr(Quantity, f"__{name}__", method(function, Quantity))
         setattr(Quantity, f"__r{name}__", method(function, Quantity, swapped=True))
-    for name, function in {"lt": sp.Lt, "le": sp.Le, "gt": sp.Gt, "ge": sp.Ge, "eq": sp.Eq, "ne": sp.Ne}.items():
+    for name, function in {
+        "lt": sp.Lt,
+        "le": sp.Le,
+        "gt": sp.Gt,
+        "ge": sp.Ge,
+        "eq": sp.Eq,
+        "ne": sp.Ne,
+    }.items():
         setattr(Quantity, f"__{name}__", method(function, Condition))
 
 
@@ -164,7 +179,9 @@ _operators()
 
 def _numbers(values: tuple) -> Iterator[sp.Expr]:
     """max(a, b) and max([a, b]) alike."""
-    return map(expression, values[0] if len(values) == 1 and isinstance(values[0], Iterable) else values)
+    return map(
+        expression, values[0] if len(values) == 1 and isinstance(values[0], Iterable) else values
+    )
 
 
 def _copysign(x: sp.Expr, y: sp.Expr) -> sp.Expr:
@@ -178,18 +195,30 @@ def _trunc(x: sp.Expr) -> sp.Expr:
 def _interp(x: sp.Expr, xs: Any, ys: Any) -> sp.Expr:
     """numpy.interp: straight lines between break points, constant beyond the outer ones."""
     xs, ys = [expression(v) for v in xs], [expression(v) for v in ys]
-    lines = [(ys[i] + (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]) * (x - xs[i]), x <= xs[i + 1]) for i in range(len(xs) - 1)]
+    lines = [
+        (ys[i] + (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]) * (x - xs[i]), x <= xs[i + 1])
+        for i in range(len(xs) - 1)
+    ]
     return sp.Piecewise((ys[0], x <= xs[0]), *lines, (ys[-1], True))
 
 
 # What becomes what, by name in builtins, math and numpy. Functions of plain numbers stay what they are: see _lift.
 _ELEMENTARY: dict[str, Callable] = {
-    **{name: getattr(sp, name) for name in "sin cos tan sinh cosh tanh sqrt exp floor erf gamma sign".split()},
-    **{f"{a}{name}": getattr(sp, f"a{name}") for a in ("a", "arc") for name in "sin cos tan sinh cosh tanh".split()},
+    **{
+        name: getattr(sp, name)
+        for name in "sin cos tan sinh cosh tanh sqrt exp floor erf gamma sign".split()
+    },
+    **{
+        f"{a}{name}": getattr(sp, f"a{name}")
+        for a in ("a", "arc")
+        for name in "sin cos tan sinh cosh tanh".split()
+    },
     **dict.fromkeys(("atan2", "arctan2"), sp.atan2),
     **dict.fromkeys(("abs", "fabs", "absolute"), sp.Abs),
     **dict.fromkeys(("pow", "power", "float_power"), lambda a, b: a**b),
-    **dict.fromkeys(("mod", "remainder"), sp.Mod),  # numpy's; math.remainder is another function and stays untraceable
+    **dict.fromkeys(
+        ("mod", "remainder"), sp.Mod
+    ),  # numpy's; math.remainder is another function and stays untraceable
     **dict.fromkeys(("fmod",), lambda a, b: a - b * _trunc(a / b)),
     **dict.fromkeys(("trunc", "fix", "int"), _trunc),
     **dict.fromkeys(("float", "float64"), lambda x: x),
@@ -218,7 +247,9 @@ _SPECIAL: dict[str, Callable] = {
     "min": lambda *x: Quantity(sp.Min(*_numbers(x))),
     "fsum": lambda x: sum(x),
     "bool": lambda x: x if isinstance(x, Condition) else x != 0,
-    "where": lambda c, a, b: Quantity(sp.Piecewise((expression(a), _condition(c)), (expression(b), True))),
+    "where": lambda c, a, b: Quantity(
+        sp.Piecewise((expression(a), _condition(c)), (expression(b), True))
+    ),
     "logical_and": lambda a, b: Condition(sp.And(_condition(a), _condition(b))),
     "logical_or": lambda a, b: Condition(sp.Or(_condition(a), _condition(b))),
     "logical_not": lambda a: Condition(sp.Not(_condition(a))),
@@ -227,7 +258,9 @@ _SPECIAL: dict[str, Callable] = {
 
 
 def _symbolic(value: object) -> bool:
-    return isinstance(value, Quantity) or (isinstance(value, tuple | list) and any(map(_symbolic, value)))
+    return isinstance(value, Quantity) or (
+        isinstance(value, tuple | list) and any(map(_symbolic, value))
+    )
 
 
 def _lift(original: Callable, symbolic: Callable) -> Callable:
@@ -246,7 +279,9 @@ def _table() -> dict[Any, Callable]:
         for name, function in _ELEMENTARY.items():
             if hasattr(module, name) and not (module is math and name == "remainder"):
                 original = getattr(module, name)
-                table[original] = _lift(original, lambda *args, f=function: Quantity(f(*map(expression, args))))
+                table[original] = _lift(
+                    original, lambda *args, f=function: Quantity(f(*map(expression, args)))
+                )
         for name, function in _SPECIAL.items():
             if hasattr(module, name):
                 original = getattr(module, name)
@@ -284,7 +319,9 @@ class Tracer:
     def __init__(self, states: Iterable[sp.Symbol] = ()) -> None:
         self.states = tuple(states)
         self.definitions: dict[str, Definition] = {}
-        self._copies: dict[int, tuple[Any, Callable]] = {}  # id -> (the original, kept alive, and its stand-in)
+        self._copies: dict[
+            int, tuple[Any, Callable]
+        ] = {}  # id -> (the original, kept alive, and its stand-in)
         self._table = _table()
 
     def trace(self, function: Callable, *args: Any) -> sp.Expr | tuple[sp.Expr, ...]:
@@ -302,7 +339,9 @@ class Tracer:
 
     def expand(self, e: sp.Expr) -> sp.Expr:
         """tracer.expand(e) -> e with every named helper replaced by its definition."""
-        while nodes := [node for node in e.atoms(AppliedUndef) if node.func.__name__ in self.definitions]:
+        while nodes := [
+            node for node in e.atoms(AppliedUndef) if node.func.__name__ in self.definitions
+        ]:
             e = e.xreplace({node: self._body(node) for node in nodes})
         return e
 
@@ -316,7 +355,9 @@ class Tracer:
         if isinstance(value, types.ModuleType):
             return _Module(value, self)
         if isinstance(value, functools.partial):
-            return functools.partial(self.rebind(value.func, name, inline), *value.args, **value.keywords)
+            return functools.partial(
+                self.rebind(value.func, name, inline), *value.args, **value.keywords
+            )
         if isinstance(value, types.FunctionType):
             return self._copy(value) if inline else self._helper(value, name)
         try:
@@ -328,16 +369,29 @@ class Tracer:
         if id(function) in self._copies:
             return self._copies[id(function)][1]
         scope: dict[str, Any] = {"__builtins__": builtins, "__name__": function.__module__}
-        copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__,
-                                  tuple(types.CellType() for _ in function.__closure__ or ()))
+        copy = types.FunctionType(
+            function.__code__,
+            scope,
+            function.__name__,
+            function.__defaults__,
+            tuple(types.CellType() for _ in function.__closure__ or ()),
+        )
         copy.__kwdefaults__ = function.__kwdefaults__
-        self._copies[id(function)] = (function, copy)  # before its names are rebound: a function may call itself
+        self._copies[id(function)] = (
+            function,
+            copy,
+        )  # before its names are rebound: a function may call itself
         for name in _names(function.__code__):
             if name in function.__globals__:
                 scope[name] = self.rebind(function.__globals__[name], name)
             elif hasattr(builtins, name):
                 scope[name] = self.rebind(getattr(builtins, name), name)
-        for new, old, name in zip(copy.__closure__ or (), function.__closure__ or (), function.__code__.co_freevars, strict=True):
+        for new, old, name in zip(
+            copy.__closure__ or (),
+            function.__closure__ or (),
+            function.__code__.co_freevars,
+            strict=True,
+        ):
             try:
                 new.cell_contents = self.rebind(old.cell_contents, name)
             except ValueError:  # a cell that is still empty
@@ -355,12 +409,18 @@ class Tracer:
                 return copy[0](*args, **kwargs)
             try:
                 return self._define(label, function, copy[0], args, kwargs)
-            except (Untraceable, TypeError, ValueError):  # no numbers come out, or it needs to know its caller's path
+            except (
+                Untraceable,
+                TypeError,
+                ValueError,
+            ):  # no numbers come out, or it needs to know its caller's path
                 return copy[0](*args, **kwargs)
 
         return call
 
-    def _define(self, label: str, function: types.FunctionType, copy: Callable, args: tuple, kwargs: dict) -> Any:
+    def _define(
+        self, label: str, function: types.FunctionType, copy: Callable, args: tuple, kwargs: dict
+    ) -> Any:
         bound = inspect.signature(function).bind(*args, **kwargs)
         bound.apply_defaults()
         shown: list[sp.Expr] = []
@@ -383,13 +443,24 @@ class Tracer:
         # A formal argument is shown under its own name, unless the body also speaks of the state of that name.
         names = {symbol.name for symbol in result.free_symbols if symbol not in formals}
         if not formals and not shown:  # F(s, p): show what it depends on
-            formals, actual, shown = ([x for x in self.states if x in result.free_symbols] for _ in range(3))
-        rename = {f: f if f.name in names or not isinstance(f, sp.Dummy) else sp.Symbol(f.name, real=True) for f in formals}
-        shown, formals, result = [rename.get(x, x) for x in shown], list(rename.values()), result.xreplace(rename)
+            formals, actual, shown = (
+                [x for x in self.states if x in result.free_symbols] for _ in range(3)
+            )
+        rename = {
+            f: f if f.name in names or not isinstance(f, sp.Dummy) else sp.Symbol(f.name, real=True)
+            for f in formals
+        }
+        shown, formals, result = (
+            [rename.get(x, x) for x in shown],
+            list(rename.values()),
+            result.xreplace(rename),
+        )
         for definition in self.definitions.values():
             if (definition.name, definition.args, definition.e) == (label, tuple(shown), result):
                 return Quantity(definition.function(*actual))
-        key = label + "′" * sum(d.name == label and d.args == tuple(shown) for d in self.definitions.values())
+        key = label + "′" * sum(
+            d.name == label and d.args == tuple(shown) for d in self.definitions.values()
+        )
         while key in self.definitions:
             key += "_"
         made = sp.Function(key, real=True)
@@ -399,7 +470,9 @@ class Tracer:
 
 def _names(code: types.CodeType) -> set[str]:
     """All global names of a function and of the functions defined in it."""
-    return set(code.co_names).union(*(_names(c) for c in code.co_consts if isinstance(c, types.CodeType)))
+    return set(code.co_names).union(
+        *(_names(c) for c in code.co_consts if isinstance(c, types.CodeType))
+    )
 
 
 def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:
@@ -410,10 +483,14 @@ def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:
         path = _Path(waiting.pop())
         token = _PATH.set(path)
         try:
-            leaves.append((_leaf(call()), [condition for condition, answer in path.taken if answer]))
+            leaves.append(
+                (_leaf(call()), [condition for condition, answer in path.taken if answer])
+            )
         finally:
             _PATH.reset(token)
-        new = range(len(path.prefix), len(path.taken))  # from the first to the last new question: the last one's other answer is next
+        new = range(
+            len(path.prefix), len(path.taken)
+        )  # from the first to the last new question: the last one's other answer is next
         waiting += [[*path.taken[:k], (path.taken[k][0], False)] for k in new]
         if len(leaves) + len(waiting) > MAX_PATHS:
             raise Untraceable(f"it has more than {MAX_PATHS} branches")

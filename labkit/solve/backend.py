@@ -59,7 +59,10 @@ def cache_folder() -> Path:
             return folder
     except OSError:
         pass
-    folder = Path(tempfile.gettempdir()) / f"labkit-{os.getuid() if hasattr(os, 'getuid') else os.environ.get('USERNAME', '')}"
+    folder = (
+        Path(tempfile.gettempdir())
+        / f"labkit-{os.getuid() if hasattr(os, 'getuid') else os.environ.get('USERNAME', '')}"
+    )
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder
 
@@ -68,7 +71,14 @@ def cache_folder() -> Path:
 def _machine() -> str:
     """What compiled code depends on besides its source."""
     versions = [version(package) for package in ("numba", "llvmlite", "numpy")]
-    return repr((sys.version, versions, llvm.get_host_cpu_name(), sorted(llvm.get_host_cpu_features().items())))
+    return repr(
+        (
+            sys.version,
+            versions,
+            llvm.get_host_cpu_name(),
+            sorted(llvm.get_host_cpu_features().items()),
+        )
+    )
 
 
 def _kept(text: str) -> Path:
@@ -104,13 +114,17 @@ def _c_function(text: str, make: Callable[[], tuple[Callable, object]]) -> tuple
     with global_compiler_lock:
         try:
             data = path.read_bytes()
-            if b"NRT_" in data or b"_numba_hashsecret" in data:  # arrays or texts are made inside: the code calls what the rest of Numba brings along,
+            if (
+                b"NRT_" in data or b"_numba_hashsecret" in data
+            ):  # arrays or texts are made inside: the code calls what the rest of Numba brings along,
                 context.refresh()  # which takes half a second
             result = CompileResult._rebuild(context, *pickle.loads(data))
         except Exception:  # missing, damaged, written by another version: it is only a cache
             _import()
             function, signature = make()
-            result = CFunc(function, (signature.args, signature.return_type), {}, {"error_model": "numpy"})._compile_uncached()
+            result = CFunc(
+                function, (signature.args, signature.return_type), {}, {"error_model": "numpy"}
+            )._compile_uncached()
             with suppress(OSError):
                 write_whole(path, dumps(result._reduce()))
         return result, result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
@@ -131,7 +145,12 @@ def _source(name: str) -> str:
 
 # Read when this module is: files that change under a running kernel (an update) must not meet the functions it has.
 #: The core's files as one source: each takes from those before it.
-CORE = "\n".join(line for name in ("layout", "sliding", "step", "locate", "core", "lanes") for line in _source(name).splitlines() if not line.startswith("from ."))
+CORE = "\n".join(
+    line
+    for name in ("layout", "sliding", "step", "locate", "core", "lanes")
+    for line in _source(name).splitlines()
+    if not line.startswith("from .")
+)
 HOW = _source("functions") + _source("backend")
 
 
@@ -144,7 +163,14 @@ def _make_core() -> tuple[Callable, object]:
     from numba.core import cgutils
     from numba.core.imputils import lower_getattr_generic
     from numba.core.typing.templates import AttributeTemplate
-    from numba.extending import infer_getattr, intrinsic, lower_builtin, models, register_model, type_callable
+    from numba.extending import (
+        infer_getattr,
+        intrinsic,
+        lower_builtin,
+        models,
+        register_model,
+        type_callable,
+    )
 
     # `w` is one pointer, to a table of addresses and shapes; w.k is made from its entries. (Passed as a named tuple of sixty
     # arrays, every call had four hundred arguments and the core took a minute to compile; Numba's own arrays count
@@ -168,7 +194,9 @@ def _make_core() -> tuple[Callable, object]:
     @register_model(Block)
     class BlockModel(models.StructModel):
         def __init__(self, manager, kind):
-            super().__init__(manager, kind, [("data", nb.CPointer(kind.item)), ("width", nb.intp)][: kind.ndim])
+            super().__init__(
+                manager, kind, [("data", nb.CPointer(kind.item)), ("width", nb.intp)][: kind.ndim]
+            )
 
     places, place = {}, 4
     for name, kind, shape in core.FIELDS:
@@ -219,7 +247,11 @@ def _make_core() -> tuple[Callable, object]:
 
     @type_callable(operator.setitem)
     def type_set(context):
-        return lambda block, index, value: nb.none if isinstance(block, Block) and block.ndim == 1 and isinstance(index, nb.Integer) else None
+        return lambda block, index, value: (
+            nb.none
+            if isinstance(block, Block) and block.ndim == 1 and isinstance(index, nb.Integer)
+            else None
+        )
 
     @lower_builtin(operator.setitem, Block, nb.Integer, nb.Any)
     def set(context, builder, signature, arguments):
@@ -231,7 +263,9 @@ def _make_core() -> tuple[Callable, object]:
 
     @intrinsic
     def as_workspace(context, table):
-        return Table()(nb.CPointer(nb.int64)), lambda context, builder, signature, arguments: arguments[0]
+        return Table()(
+            nb.CPointer(nb.int64)
+        ), lambda context, builder, signature, arguments: arguments[0]
 
     @intrinsic
     def call(context, model, what, index, t, y, p, out):
@@ -241,14 +275,23 @@ def _make_core() -> tuple[Callable, object]:
         def codegen(context, builder, signature, arguments):
             double, long = ir.DoubleType(), ir.IntType(64)
             kind = ir.FunctionType(ir.VoidType(), [long, long, double] + [double.as_pointer()] * 3)
-            y, out = (cgutils.create_struct_proxy(signature.args[i])(context, builder, value=arguments[i]).data for i in (4, 6))
+            y, out = (
+                cgutils.create_struct_proxy(signature.args[i])(
+                    context, builder, value=arguments[i]
+                ).data
+                for i in (4, 6)
+            )
             p = builder.inttoptr(arguments[5], double.as_pointer())
-            builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [*arguments[1:4], y, p, out])
+            builder.call(
+                builder.inttoptr(arguments[0], kind.as_pointer()), [*arguments[1:4], y, p, out]
+            )
             return context.get_dummy_value()
 
         return signature, codegen
 
-    space: dict[str, object] = {"__name__": __name__}  # Numba loads what is kept by way of a module that can be imported
+    space: dict[str, object] = {
+        "__name__": __name__
+    }  # Numba loads what is kept by way of a module that can be imported
     exec(compile(CORE, core.__file__, "exec"), space)
     space |= {"call": call, "as_workspace": as_workspace}
     exec(
@@ -263,7 +306,11 @@ def entry(table): return sweep(table[0], as_workspace(table), table[1], table[2]
         space,
     )
     for name, value in list(space.items()):
-        if isinstance(value, types.FunctionType) and name not in ("namedtuple", "workspace", "entry"):
+        if isinstance(value, types.FunctionType) and name not in (
+            "namedtuple",
+            "workspace",
+            "entry",
+        ):
             space[name] = _jit(value)
     return space["entry"], nb.intp(nb.CPointer(nb.int64))
 
@@ -286,7 +333,13 @@ def _native(value: object, made: dict[int, object]) -> object:
         if id(value) not in made:
             read = {name: _native(item, made) for name, item in references(value).items()}
             cells = tuple(types.CellType(read[name]) for name in value.__code__.co_freevars)
-            copy = types.FunctionType(value.__code__, {"__name__": __name__, "__builtins__": __builtins__, **read}, value.__name__, value.__defaults__, cells)
+            copy = types.FunctionType(
+                value.__code__,
+                {"__name__": __name__, "__builtins__": __builtins__, **read},
+                value.__name__,
+                value.__defaults__,
+                cells,
+            )
             made[id(value)] = _jit(copy)
         return made[id(value)]
     if isinstance(value, list):
@@ -318,7 +371,18 @@ def model_functions(system: System) -> list[Callable]:
 def model_text(system: System) -> str:
     """Everything the compiled model depends on, and so its key."""
     shape = (tuple(system.parameters), [(m, system.states_of(m)) for m in system.modes])
-    edges = [(tr.sources, tr.target, tr.direction, tr.tolerance, tr.guard is None, tr.reset is None, tr.priority) for tr in system.transitions]
+    edges = [
+        (
+            tr.sources,
+            tr.target,
+            tr.direction,
+            tr.tolerance,
+            tr.guard is None,
+            tr.reset is None,
+            tr.priority,
+        )
+        for tr in system.transitions
+    ]
     return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system)) + HOW
 
 
@@ -339,7 +403,9 @@ class Code:
 
 _lock = threading.RLock()
 _core: tuple[object, int] | None = None
-_codes: WeakKeyDictionary[System, tuple[str, Code | BaseException | None, list]] = WeakKeyDictionary()
+_codes: WeakKeyDictionary[System, tuple[str, Code | BaseException | None, list]] = (
+    WeakKeyDictionary()
+)
 _threads: list[threading.Thread] = []
 
 
@@ -357,7 +423,9 @@ def _watch(system: System) -> list[tuple[Callable[[], object], object]]:
         if id(function) in seen:
             return
         seen.add(id(function))
-        for cell, name in zip(function.__closure__ or (), function.__code__.co_freevars, strict=True):
+        for cell, name in zip(
+            function.__closure__ or (), function.__code__.co_freevars, strict=True
+        ):
             found.append((lambda cell=cell: cell.cell_contents, cell.cell_contents))
         for name, value in references(function).items():
             if name not in function.__code__.co_freevars:
@@ -386,10 +454,19 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
     and Numba's imports are (a second, once), because they and a running cell can break each other: see _import.
     """
     code = _compiled(system, wait)
-    if code is None and any(thread.is_alive() for thread in _threads) and core_is_kept() and _kept(_codes[system][0]).exists():
+    if (
+        code is None
+        and any(thread.is_alive() for thread in _threads)
+        and core_is_kept()
+        and _kept(_codes[system][0]).exists()
+    ):
         patience = 20.0
     until = time.monotonic() + patience
-    while code is None and (time.monotonic() < until or not _imported.is_set()) and any(thread.is_alive() for thread in _threads):
+    while (
+        code is None
+        and (time.monotonic() < until or not _imported.is_set())
+        and any(thread.is_alive() for thread in _threads)
+    ):
         time.sleep(0.02)
         code = _compiled(system, False)
     return code or _compiled(system, False)  # its thread may have ended since it was last asked for
@@ -398,7 +475,9 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
 def _compiled(system: System, wait: bool) -> Code | None:
     if llvm is None:
         if wait:
-            raise ModelError("backend='compiled' needs Numba, which is not installed here: use backend='auto' or 'plain'")
+            raise ModelError(
+                "backend='compiled' needs Numba, which is not installed here: use backend='auto' or 'plain'"
+            )
         return None
     with _lock:
         text, code, watch = _codes.get(system, ("", None, []))
@@ -415,7 +494,9 @@ def _compiled(system: System, wait: bool) -> Code | None:
                 if not wait:
                     # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
                     arguments = system, fresh, None if _kept(fresh).exists() else _sources(system)
-                    thread = threading.Thread(target=_prepare, args=arguments, daemon=True, name="labkit compiles")
+                    thread = threading.Thread(
+                        target=_prepare, args=arguments, daemon=True, name="labkit compiles"
+                    )
                     _threads[:] = [t for t in _threads if t.is_alive()] + [thread]
                     thread.start()
                     return None
@@ -428,7 +509,9 @@ def _compiled(system: System, wait: bool) -> Code | None:
     code = _codes[system][1]
     if isinstance(code, Code):
         return code
-    raise ModelError(f"{system.name!r} cannot be compiled, use backend='plain' or mend it: {str(code).strip() or repr(code)}") from code
+    raise ModelError(
+        f"{system.name!r} cannot be compiled, use backend='plain' or mend it: {str(code).strip() or repr(code)}"
+    ) from code
 
 
 _one_at_a_time = threading.Lock()
@@ -441,7 +524,9 @@ def _sources(system: System) -> tuple[str, dict[str, object]] | Exception:
         return error
 
 
-def _prepare(system: System, text: str, sources: tuple[str, dict[str, object]] | Exception | None) -> None:
+def _prepare(
+    system: System, text: str, sources: tuple[str, dict[str, object]] | Exception | None
+) -> None:
     """Get the core and the model, from disk or anew, and put them where `compiled` finds them."""
     try:
         load_core()
@@ -458,7 +543,10 @@ def _prepare(system: System, text: str, sources: tuple[str, dict[str, object]] |
             code: object = Code(_core, _c_function(text, make))
     except Exception as error:
         code = error
-        warnings.warn(f"{system.name!r} runs in plain Python, because it cannot be compiled: {str(error).strip().splitlines()[0] if str(error) else error!r}", stacklevel=2)
+        warnings.warn(
+            f"{system.name!r} runs in plain Python, because it cannot be compiled: {str(error).strip().splitlines()[0] if str(error) else error!r}",
+            stacklevel=2,
+        )
     with _lock:
         if system in _codes and _codes[system][0] == text:
             _codes[system] = text, code, _codes[system][2]
@@ -473,8 +561,22 @@ def load_core(here: bool = False) -> None:
         if _core is None:
             if not here and not core_is_kept():
                 _import()
-                subprocess.run([sys.executable, "-m", "labkit.solve"], check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                               stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])})
+                subprocess.run(
+                    [sys.executable, "-m", "labkit.solve"],
+                    check=False,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    stdin=subprocess.DEVNULL,
+                    env={
+                        **os.environ,
+                        "PYTHONPATH": os.pathsep.join(
+                            [
+                                str(Path(__file__).parents[2]),
+                                *filter(None, [os.environ.get("PYTHONPATH")]),
+                            ]
+                        ),
+                    },
+                )
             _core = _c_function(CORE + HOW, _make_core)
 
 

@@ -1,6 +1,6 @@
 """A batch of runs of one model: their memory, what they begin with, and what becomes of them.
 
-    batch = Batch(settings, code, lanes); batch.load(p, start, modes); batch.run(); batch.as_run(p, began)
+batch = Batch(settings, code, lanes); batch.load(p, start, modes); batch.run(); batch.as_run(p, began)
 """
 
 from __future__ import annotations
@@ -32,7 +32,12 @@ class Batch:
 
     def __init__(self, settings: Settings, code: object, lanes: int):
         self.settings, self.code, self.lanes = settings, code, lanes
-        self.sizes = {**settings.sizes, "lanes": lanes, "ledger": 64, "pieces": 256 if settings.dense else 1}
+        self.sizes = {
+            **settings.sizes,
+            "lanes": lanes,
+            "ledger": 64,
+            "pieces": 256 if settings.dense else 1,
+        }
         self.sizes["out"] = lanes * (len(settings.grid) + 8) + 200
         made, plain = [], code is None
         for name, kind, shape in self._fields():
@@ -41,7 +46,9 @@ class Batch:
             elif name in settings.fixed:
                 made.append(settings.fixed[name].tolist() if plain else settings.fixed[name])
             else:
-                array = (np.empty if name == "out" else np.zeros)(shape, dtype=float if kind == "f" else np.int64)
+                array = (np.empty if name == "out" else np.zeros)(
+                    shape, dtype=float if kind == "f" else np.int64
+                )
                 made.append(array.tolist() if plain else array)
         self.w = core.Workspace(*made)
         self.w.room[:] = [self.sizes[name] for name in OUTPUTS]
@@ -70,7 +77,9 @@ class Batch:
             if tr.delay != 0:
                 delay = self._resolve(tr.delay, f"the delay of {tr.name!r}")
                 if delay.min() < 0:
-                    raise ModelError(f"the delay of {tr.name!r} is {delay.min():g}: a dead time cannot be negative")
+                    raise ModelError(
+                        f"the delay of {tr.name!r} is {delay.min():g}: a dead time cannot be negative"
+                    )
                 self._put("delay", i, delay)
         for k, tr in enumerate(st.plans):
             self._load_schedule(k, tr)
@@ -81,14 +90,20 @@ class Batch:
         """Of a scheduled transition: instants t0 + first + m·period for m = 0 or 1, 2, …; or a list of instants, none before t0."""
         if isinstance(tr.at, Every):
             period = self._resolve(tr.at.period, f"the period of {tr.name!r}")
-            first = self._resolve(0.0 if tr.at.first is None else tr.at.first, f"the first instant of {tr.name!r}")
+            first = self._resolve(
+                0.0 if tr.at.first is None else tr.at.first, f"the first instant of {tr.name!r}"
+            )
             if period.min() <= 0 or first.min() < 0:
-                raise ModelError(f"the schedule of {tr.name!r} has period {period.min():g} and first instant {first.min():g}: a period must be positive, an instant not negative")
+                raise ModelError(
+                    f"the schedule of {tr.name!r} has period {period.min():g} and first instant {first.min():g}: a period must be positive, an instant not negative"
+                )
             self._put("plan_first", k, first)
             self._put("plan_period", k, period)
             self._put("plan_next0", k, np.full(self.lanes, int(tr.at.first is None)))
         elif tr.at.instants:
-            found = np.sort([self._resolve(x, f"an instant of {tr.name!r}") for x in tr.at.instants], axis=0)
+            found = np.sort(
+                [self._resolve(x, f"an instant of {tr.name!r}") for x in tr.at.instants], axis=0
+            )
             for place, column in enumerate(found, self.settings.fixed["plan_from"][k]):
                 self._put("instant", place, column)
             self._put("plan_next0", k, (found < self.settings.t0).sum(axis=0))
@@ -112,7 +127,10 @@ class Batch:
 
     def run(self) -> None:
         w, status = self.w, core.PAUSE
-        while not (status == core.FINISHED or (status not in (core.PAUSE, core.GROW) and w.i[core.LANE] == self.lanes)):
+        while not (
+            status == core.FINISHED
+            or (status not in (core.PAUSE, core.GROW) and w.i[core.LANE] == self.lanes)
+        ):
             if self.code is None:
                 status = sweep(self.model, w, self.p_lanes, 10_000)
             else:  # in portions, so that an interrupt from the keyboard is heard
@@ -127,20 +145,34 @@ class Batch:
                 lane = w.i[core.LANE] - 1
                 mode = self.settings.modes[w.i[core.MODE]]
                 start = tuple(map(float, list(w.y)[: len(self.settings.system.states_of(mode))]))
-                self.settings.check_start(start, mode, self.settings.system.P(*self.p[lane].tolist()))
-                raise ModelError(f"the flow of mode {mode!r} or a guard there is not a number at the start {start}, t = {self.settings.t0:g}")
+                self.settings.check_start(
+                    start, mode, self.settings.system.P(*self.p[lane].tolist())
+                )
+                raise ModelError(
+                    f"the flow of mode {mode!r} or a guard there is not a number at the start {start}, t = {self.settings.t0:g}"
+                )
             elif status not in (core.PAUSE, core.FINISHED):
                 self.reasons[w.i[core.LANE] - 1] = self._reason(status)
 
     def _grow(self) -> None:
         """More room for events, pieces or samples, whichever is short; what is there stays."""
         w = self.w
-        for name, used in (("ledger", w.i[core.LEDGER] + 2), ("pieces", w.i[core.PIECES] + 1), ("out", w.i[core.OUT] + len(self.settings.grid) + 4)):
+        for name, used in (
+            ("ledger", w.i[core.LEDGER] + 2),
+            ("pieces", w.i[core.PIECES] + 1),
+            ("out", w.i[core.OUT] + len(self.settings.grid) + 4),
+        ):
             if used > self.sizes[name]:
-                self.sizes[name] = max(4 * self.sizes[name] if name != "out" else 2 * self.sizes[name], used)
+                self.sizes[name] = max(
+                    4 * self.sizes[name] if name != "out" else 2 * self.sizes[name], used
+                )
         replaced = {}
         for name, _, shape in self._fields():
-            if name in OUTPUTS and self.code is not None and len(old := getattr(w, name)) < shape[0]:
+            if (
+                name in OUTPUTS
+                and self.code is not None
+                and len(old := getattr(w, name)) < shape[0]
+            ):
                 replaced[name] = np.empty(shape)
                 replaced[name][: len(old)] = old
         self.w, self.table = w._replace(**replaced), None
@@ -150,7 +182,11 @@ class Batch:
         if lane in self.reasons:
             return self.reasons[lane]
         status, last = self.w.done[lane][core.STATUS], self.w.done[lane][core.LAST]
-        return "finished" if status == core.FINISHED else f'terminal event "{self.settings.system.transitions[last].name}"'
+        return (
+            "finished"
+            if status == core.FINISHED
+            else f'terminal event "{self.settings.system.transitions[last].name}"'
+        )
 
     def _reason(self, status: int) -> str:
         """Of the lane that has just ended, from its workspace."""
@@ -181,7 +217,9 @@ class Batch:
         names = system.states_of(mode)
         y = [float(v) for v in list(self.w.y)[: len(names)]]
         # The last attempt's stages are still there: one that is no number tells more than the tiny step
-        stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(-1, self.settings.width)[: self.settings.table.stages + 1]
+        stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(
+            -1, self.settings.width
+        )[: self.settings.table.stages + 1]
         if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k]))]:
             return f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} near {t}"
         biggest = max(range(len(names)), key=lambda k: abs(y[k]))
@@ -198,11 +236,34 @@ class Batch:
 
     def as_run(self, p: tuple, began: float) -> Run:
         st, i = self.settings, self.w.i
-        out, ledger, pieces = (self.rows(name, i[count]).copy() for name, count in (("out", core.OUT), ("ledger", core.LEDGER), ("pieces", core.PIECES)))
+        out, ledger, pieces = (
+            self.rows(name, i[count]).copy()
+            for name, count in (("out", core.OUT), ("ledger", core.LEDGER), ("pieces", core.PIECES))
+        )
         touches = np.array(self.w.touch)[: i[core.TOUCHES]].tolist()
-        work = Work(int(i[core.STEPS]), int(i[core.REJECTED]), int(i[core.FLOWS]), int(i[core.GUARDS]), len(ledger), perf_counter() - began, st.method, "plain" if self.code is None else "compiled")
-        return Run(st.system, p, out[:, 0].copy(), out[:, 2].astype(int), out[:, 1].astype(int), out[:, 3:], Events(len(ledger), lambda: _events(st, ledger)),
-                  self.reason(0), work, pieces, [Touch(t, st.system.transitions[int(who)].name, by) for t, who, by in touches])
+        work = Work(
+            int(i[core.STEPS]),
+            int(i[core.REJECTED]),
+            int(i[core.FLOWS]),
+            int(i[core.GUARDS]),
+            len(ledger),
+            perf_counter() - began,
+            st.method,
+            "plain" if self.code is None else "compiled",
+        )
+        return Run(
+            st.system,
+            p,
+            out[:, 0].copy(),
+            out[:, 2].astype(int),
+            out[:, 1].astype(int),
+            out[:, 3:],
+            Events(len(ledger), lambda: _events(st, ledger)),
+            self.reason(0),
+            work,
+            pieces,
+            [Touch(t, st.system.transitions[int(who)].name, by) for t, who, by in touches],
+        )
 
 
 class _Rows:
@@ -222,7 +283,9 @@ def _events(settings: Settings, ledger: np.ndarray) -> list[Event]:
     system, modes, width, events = settings.system, settings.modes, settings.width, []
     for line in ledger.tolist():
         tr = system.transitions[int(line[1])]
-        source, target = ("sliding" if m == core.SLIDE else None if m < 0 else modes[int(m)] for m in line[3:5])
+        source, target = (
+            "sliding" if m == core.SLIDE else None if m < 0 else modes[int(m)] for m in line[3:5]
+        )
         one, other = (m if m in system.modes else tr.sources[0] for m in (source, target or source))
         before = dict(zip(system.states_of(one), line[5:], strict=False))
         after = dict(zip(system.states_of(other), line[5 + width :], strict=False))
@@ -236,7 +299,9 @@ def gather(settings: Settings, p: np.ndarray, batches: list[Batch], began: float
     system = settings.system
     done = np.concatenate([np.array(batch.w.done) for batch in batches])
     out = np.concatenate([batch.rows("out", batch.w.i[core.OUT]) for batch in batches])
-    counts = np.concatenate([np.diff([0, *np.array(batch.w.done)[:, core.END]]) for batch in batches])
+    counts = np.concatenate(
+        [np.diff([0, *np.array(batch.w.done)[:, core.END]]) for batch in batches]
+    )
     shape = len(counts), int(counts.max())
     if len(out) == shape[0] * shape[1]:  # no lane had an event, or all had as many
         out = out.reshape(*shape, -1)
@@ -244,9 +309,27 @@ def gather(settings: Settings, p: np.ndarray, batches: list[Batch], began: float
     else:
         lane, starts = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
         place = np.arange(len(out)) - np.repeat(starts, counts)
-        t, modes, values = np.full(shape, np.nan), np.full(shape, -1), np.full((*shape, settings.width), np.nan)
+        t, modes, values = (
+            np.full(shape, np.nan),
+            np.full(shape, -1),
+            np.full((*shape, settings.width), np.nan),
+        )
         t[lane, place], modes[lane, place], values[lane, place] = out[:, 0], out[:, 1], out[:, 3:]
     total = done.sum(axis=0).tolist()
-    work = Work(*(total[k] for k in (core.ACCEPTED, core.FAILED, core.RATES, core.LOOKS, core.EVENTS)), perf_counter() - began, settings.method, "plain" if batches[0].code is None else "compiled")
+    work = Work(
+        *(total[k] for k in (core.ACCEPTED, core.FAILED, core.RATES, core.LOOKS, core.EVENTS)),
+        perf_counter() - began,
+        settings.method,
+        "plain" if batches[0].code is None else "compiled",
+    )
     reasons = [batch.reason(lane) for batch in batches for lane in range(batch.lanes)]
-    return Runs(system, [system.P(*values) for values in p.tolist()], t, modes, values, done[:, core.EVENTS].copy(), reasons, work)
+    return Runs(
+        system,
+        [system.P(*values) for values in p.tolist()],
+        t,
+        modes,
+        values,
+        done[:, core.EVENTS].copy(),
+        reasons,
+        work,
+    )

@@ -226,7 +226,11 @@ def defect(model, w, p, mode, n, t, h, theta):
         slope = 0.0
         for d in range(w.i[DEGREE], 0, -1):
             slope = slope * theta + d * w.poly[d][q]
-        largest = max(largest, abs(slope - h * w.err[0][q]) / (w.f[ATOL] + w.f[RTOL] * max(abs(w.y[q]), abs(w.y_try[q]), abs(w.y_new[q]))))
+        largest = max(
+            largest,
+            abs(slope - h * w.err[0][q])
+            / (w.f[ATOL] + w.f[RTOL] * max(abs(w.y[q]), abs(w.y_try[q]), abs(w.y_new[q]))),
+        )
     return largest
 
 
@@ -254,9 +258,14 @@ def retake(model, w, p, mode, n, t, h, theta, k, limit):
         off = abs(value / slope) if slope != 0.0 else 1.0
         if off < 0.02:
             reach = 2.0 * off + 1e-13
-            one, two = guard_at(model, w, p, mode, n, t, short, 1.0 - reach, k), guard_at(model, w, p, mode, n, t, short, 1.0 + reach, k)
+            one, two = (
+                guard_at(model, w, p, mode, n, t, short, 1.0 - reach, k),
+                guard_at(model, w, p, mode, n, t, short, 1.0 + reach, k),
+            )
             if one * side < 0.0 and two * side > 0.0:
-                better = refine(model, w, p, mode, n, t, short, k, 1.0 - reach, one, 1.0 + reach, two)
+                better = refine(
+                    model, w, p, mode, n, t, short, k, 1.0 - reach, one, 1.0 + reach, two
+                )
     if t + better * short <= limit:
         guard_at(model, w, p, mode, n, t, short, better, k)
         for q in range(watch_count(w, mode)):  # no other guard may have passed in between
@@ -292,7 +301,11 @@ def advance(model, w, p, budget):
     """Go on for up to `budget` steps; returns PAUSE, GROW (an output array is full), or why the run ended."""
     i, f = w.i, w.f
     for _ in range(budget):
-        if i[LEDGER] + 2 > w.room[ROOM_LEDGER] or i[PIECES] + 1 > w.room[ROOM_PIECES] or room(w) < i[SAMPLES] - i[GRID]:
+        if (
+            i[LEDGER] + 2 > w.room[ROOM_LEDGER]
+            or i[PIECES] + 1 > w.room[ROOM_PIECES]
+            or room(w) < i[SAMPLES] - i[GRID]
+        ):
             return GROW
         mode, t = i[MODE], f[T]
         n = w.size[mode]
@@ -310,7 +323,9 @@ def advance(model, w, p, budget):
                 f[DUE_T], i[ARRIVED] = t, mode
             transition = take_due(w, t + least)
             here = i[SLIDING] == 1 and transition >= 0 and w.source[transition][i[SLIDE_B]] == 1
-            if transition >= 0 and (here or (w.source[transition][mode] == 1 and w.source[transition][i[ARRIVED]] == 1)):
+            if transition >= 0 and (
+                here or (w.source[transition][mode] == 1 and w.source[transition][i[ARRIVED]] == 1)
+            ):
                 status = fire(model, w, p, transition)
                 if status != PAUSE:
                     return status
@@ -330,10 +345,19 @@ def advance(model, w, p, budget):
                 if not isfinite(w.g[k]):
                     i[WHO] = transition
                     return GUARD_NAN
-                if chosen < 0 and w.urgent[transition] == YES and w.g[k] > 0.0 and w.hold[transition] == 0:
+                if (
+                    chosen < 0
+                    and w.urgent[transition] == YES
+                    and w.g[k] > 0.0
+                    and w.hold[transition] == 0
+                ):
                     chosen = transition
             if chosen >= 0:
-                status = postpone(w, t, chosen) if w.delay[i[LANE]][chosen] > 0.0 else fire(model, w, p, chosen)
+                status = (
+                    postpone(w, t, chosen)
+                    if w.delay[i[LANE]][chosen] > 0.0
+                    else fire(model, w, p, chosen)
+                )
                 if status != PAUSE:
                     return status
                 continue
@@ -347,7 +371,9 @@ def advance(model, w, p, budget):
             i[FRESH] = 0
         limit = min(due, f[T_END])
         h = min(f[H], f[MAX_STEP])
-        snapped = h >= limit - t - max(least, 1e-9 * h)  # a thousand steps of a thousandth are a thousand steps, not one more
+        snapped = h >= limit - t - max(
+            least, 1e-9 * h
+        )  # a thousand steps of a thousandth are a thousand steps, not one more
         h = limit - t if snapped else (t + h) - t  # the length that the clock will show
         if i[ADAPTIVE] == 2:
             h = external_step(model, w, p, t, h)
@@ -369,19 +395,31 @@ def advance(model, w, p, budget):
                 if i[FIRST] == 1:
                     factor = min(1.0, factor)
                 grown = h * max(0.2, factor)
-                f[H] = max(f[H], grown) if snapped else grown  # a step cut short says nothing against the long one
+                f[H] = (
+                    max(f[H], grown) if snapped else grown
+                )  # a step cut short says nothing against the long one
         i[FIRST] = 0
         i[STEPS] += 1
         end = limit if snapped else t + h
 
         theta, k = 2.0, -1
-        wanted = i[DENSE] == 1 or (count > 0 and i[LOCATE] == 1) or (i[GRID] < i[SAMPLES] and w.grid[i[GRID]] < end)
+        wanted = (
+            i[DENSE] == 1
+            or (count > 0 and i[LOCATE] == 1)
+            or (i[GRID] < i[SAMPLES] and w.grid[i[GRID]] < end)
+        )
         if i[ADAPTIVE] < 2 and wanted:
             interpolate(model, w, p, mode, n, t, h)
             if i[TWO] == 1 and h > 1e3 * least:
                 # On a stiff stretch DOP853's ends may be good and what lies between them wild, and samples and events lie between
                 miss = defect(model, w, p, mode, n, t, h, 0.8)
-                factor = min(10.0, max(0.2, 0.9 * (MOST_DEFECT / miss) ** 0.125)) if 0.0 < miss < 1e290 else 10.0 if miss == 0.0 else 0.2
+                factor = (
+                    min(10.0, max(0.2, 0.9 * (MOST_DEFECT / miss) ** 0.125))
+                    if 0.0 < miss < 1e290
+                    else 10.0
+                    if miss == 0.0
+                    else 0.2
+                )
                 if not miss <= MOST_DEFECT:
                     i[STEPS] -= 1
                     i[REJECTED] += 1

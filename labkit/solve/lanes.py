@@ -44,7 +44,11 @@ def fits(model, w, p):
         guards(model, mode, w.f[T], w.y, p, w.g)
     for k in range(last - first):
         transition = w.leave[first + k]
-        beyond = w.directed[transition] == 1 and w.urgent[transition] == REFUSE and w.g[k] > 1e-9 * (1.0 + largest)
+        beyond = (
+            w.directed[transition] == 1
+            and w.urgent[transition] == REFUSE
+            and w.g[k] > 1e-9 * (1.0 + largest)
+        )
         if beyond or not isfinite(w.g[k]):
             return BAD_START
     return PAUSE
@@ -55,7 +59,12 @@ def finish(w, lane, status):
     i, done = w.i, w.done[lane]
     record(w, w.f[T], i[MODE], w.size[i[MODE]], w.y)
     done[STATUS], done[LAST], done[END], done[EVENTS] = status, i[WHO], i[OUT], i[LEDGER]
-    done[ACCEPTED], done[FAILED], done[RATES], done[LOOKS] = i[STEPS], i[REJECTED], i[FLOWS], i[GUARDS]
+    done[ACCEPTED], done[FAILED], done[RATES], done[LOOKS] = (
+        i[STEPS],
+        i[REJECTED],
+        i[FLOWS],
+        i[GUARDS],
+    )
     i[LANE], i[BEGUN] = lane + 1, 0
 
 

@@ -62,7 +62,9 @@ def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
         xi = (a - b) / (c - b)
         phi = (fa - fb) / (fc - fb)
         if phi * phi < xi and (1.0 - phi) * (1.0 - phi) < 1.0 - xi:
-            fraction = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+            fraction = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (
+                fc - fb
+            )
         else:
             fraction = 0.5
         fraction = min(1.0 - limit, max(limit, fraction))
@@ -142,7 +144,11 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                     start += 1
                 if undecided:
                     # It is a slope that is judged here, and a polynomial of degree N misses slopes by N² times what it misses values
-                    if abs(hull[start]) <= margin + 4.0 * top * top * misfit and not finest and largest > 0.0:
+                    if (
+                        abs(hull[start]) <= margin + 4.0 * top * top * misfit
+                        and not finest
+                        and largest > 0.0
+                    ):
                         middle = 0.5 * (a + b)
                         stack[2 * depth], stack[2 * depth + 1] = middle, b
                         stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
@@ -162,7 +168,9 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                 undecided = False
                 side = 1 if hull[0] > 0.0 else -1
         elif a == 0.0:
-            while start < top and hull[start] == 0.0:  # exactly on the surface where two steps meet: the side before still counts
+            while (
+                start < top and hull[start] == 0.0
+            ):  # exactly on the surface where two steps meet: the side before still counts
                 start += 1
         changes, doubtful, sign = 0, 0, side
         for j in range(start, top + 1):
@@ -195,7 +203,20 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                     side = -side
                     if side > 0 or not directed:
                         w.side[k] = side
-                        return refine(model, w, p, mode, n, t, h, k, a + width * w.node[j - 1], value[j - 1], a + width * w.node[j], value[j])
+                        return refine(
+                            model,
+                            w,
+                            p,
+                            mode,
+                            n,
+                            t,
+                            h,
+                            k,
+                            a + width * w.node[j - 1],
+                            value[j - 1],
+                            a + width * w.node[j],
+                            value[j],
+                        )
             continue
         middle = 0.5 * (a + b)
         stack[2 * depth], stack[2 * depth + 1] = middle, b
@@ -255,21 +276,35 @@ def note_touches(model, w, p, mode, n, t, h, until):
             continue
         reach = w.tolerance[transition] + 8.0 * EPS * state
         last = w.i[PROXY]
-        for j in range(w.i[ENTRY], last + 1):  # a peak beside the seam of two steps stands out at the end of both, but lies in one
+        for j in range(
+            w.i[ENTRY], last + 1
+        ):  # a peak beside the seam of two steps stands out at the end of both, but lies in one
             here = w.at_node[j][k]
             before, after = w.at_node[max(j - 1, 0)][k], w.at_node[min(j + 1, last)][k]
-            if here > 0.0 or here < before or here < after or 2.0 * here - min(before, after) < -reach or w.i[TOUCHES] == MOST_TOUCHES:
+            if (
+                here > 0.0
+                or here < before
+                or here < after
+                or 2.0 * here - min(before, after) < -reach
+                or w.i[TOUCHES] == MOST_TOUCHES
+            ):
                 continue
             first, end = w.node[max(j - 1, 0)], min(w.node[min(j + 1, last)], until)
             a, b = first, end
             for _ in range(50):
                 left, right = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
-                if guard_at(model, w, p, mode, n, t, h, left, k) > guard_at(model, w, p, mode, n, t, h, right, k):
+                if guard_at(model, w, p, mode, n, t, h, left, k) > guard_at(
+                    model, w, p, mode, n, t, h, right, k
+                ):
                     b = right
                 else:
                     a = left
             top = guard_at(model, w, p, mode, n, t, h, 0.5 * (a + b), k)
             if -reach <= top <= 0.0 and a > first and b < end:
                 line = w.touch[w.i[TOUCHES]]
-                line[0], line[1], line[2] = t + 0.5 * (a + b) * h, transition, top + w.tolerance[transition]
+                line[0], line[1], line[2] = (
+                    t + 0.5 * (a + b) * h,
+                    transition,
+                    top + w.tolerance[transition],
+                )
                 w.i[TOUCHES] += 1

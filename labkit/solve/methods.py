@@ -50,12 +50,22 @@ def _hermite(B: np.ndarray, stages: int) -> np.ndarray:
     return P
 
 
-def _fixed(A: list[list[float]], B: list[float], C: list[float], P: np.ndarray | None = None) -> Table:
+def _fixed(
+    A: list[list[float]], B: list[float], C: list[float], P: np.ndarray | None = None
+) -> Table:
     stages = len(B)
     full = np.zeros((stages + 1, stages + 1))
     full[:stages, :stages], full[stages, :stages] = A, B
     P = _hermite(np.array(B), stages) if P is None else P
-    return Table(stages, len(B), full, np.array([*C, 1.0]), np.zeros((2, stages + 1)), P, np.zeros((P.shape[1],) * 2))
+    return Table(
+        stages,
+        len(B),
+        full,
+        np.array([*C, 1.0]),
+        np.zeros((2, stages + 1)),
+        P,
+        np.zeros((P.shape[1],) * 2),
+    )
 
 
 def _dop853() -> Table:
@@ -88,9 +98,18 @@ def _from_scipy(file: str, owner: str = "") -> SimpleNamespace:
     path = Path(scipy.__file__).parent / "integrate" / "_ivp" / f"{file}.py"
     body = ast.parse(path.read_text(encoding="utf8")).body
     if owner:
-        body = next(node.body for node in body if isinstance(node, ast.ClassDef) and node.name == owner)
+        body = next(
+            node.body for node in body if isinstance(node, ast.ClassDef) and node.name == owner
+        )
     space = {"np": np}
-    exec(compile(ast.Module([node for node in body if isinstance(node, ast.Assign | ast.AugAssign)], []), str(path), "exec"), space)
+    exec(
+        compile(
+            ast.Module([node for node in body if isinstance(node, ast.Assign | ast.AugAssign)], []),
+            str(path),
+            "exec",
+        ),
+        space,
+    )
     return SimpleNamespace(**space)
 
 
@@ -102,7 +121,11 @@ def explicit(method: str) -> Table:
     if method == "Heun":
         return _fixed([[0, 0], [1, 0]], [0.5, 0.5], [0, 1])
     if method == "RK4":
-        return _fixed([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], [1 / 6, 1 / 3, 1 / 3, 1 / 6], [0, 0.5, 0.5, 1])
+        return _fixed(
+            [[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]],
+            [1 / 6, 1 / 3, 1 / 3, 1 / 6],
+            [0, 0.5, 0.5, 1],
+        )
     if method == "DOP853":
         return _dop853()
     S = _from_scipy("rk", "RK45")
@@ -128,8 +151,16 @@ def proxy(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     extra = np.array([0.1370, 0.6180])  # no node of any degree used, not symmetric about the middle
 
     def vandermonde(points: np.ndarray) -> np.ndarray:
-        return np.array([[comb(degree, k) * v**k * (1 - v) ** (degree - k) for k in range(degree + 1)] for v in points])
+        return np.array(
+            [
+                [comb(degree, k) * v**k * (1 - v) ** (degree - k) for k in range(degree + 1)]
+                for v in points
+            ]
+        )
 
     bernstein = np.linalg.inv(vandermonde(x))
-    bernstein[0], bernstein[-1] = np.eye(degree + 1)[0], np.eye(degree + 1)[-1]  # the ends are values, exactly
+    bernstein[0], bernstein[-1] = (
+        np.eye(degree + 1)[0],
+        np.eye(degree + 1)[-1],
+    )  # the ends are values, exactly
     return np.concatenate([x, extra]), bernstein, vandermonde(extra) @ bernstein

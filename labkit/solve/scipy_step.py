@@ -36,7 +36,12 @@ class SciPyStep:
         mode = w.i[core.MODE]
         n = w.size[mode]
         bound = min(core.next_due(w), w.f[core.T_END])
-        if w.i[core.FRESH] == 1 or self.solver is None or self.solver.t_bound != bound or self.solver.status != "running":
+        if (
+            w.i[core.FRESH] == 1
+            or self.solver is None
+            or self.solver.t_bound != bound
+            or self.solver.status != "running"
+        ):
             self.solver = self._start(w, p, mode, n, t, bound)
             w.i[core.FRESH] = 0
         before = self.solver.nfev
@@ -63,4 +68,12 @@ class SciPyStep:
             return out[:n]
 
         options = {} if w.f[core.MAX_STEP] == inf else {"max_step": w.f[core.MAX_STEP]}
-        return self.kind(rates, t, np.array(w.y[:n]), bound, rtol=self.settings.rtol, atol=self.settings.atol, **options)
+        return self.kind(
+            rates,
+            t,
+            np.array(w.y[:n]),
+            bound,
+            rtol=self.settings.rtol,
+            atol=self.settings.atol,
+            **options,
+        )

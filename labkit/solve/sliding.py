@@ -93,7 +93,13 @@ def begin_sliding(model, w, p, n, second, place):
     if w.i[SLIDING] == 1 or line < 0 or w.f[EVENT_T] != t or w.ledger[line][4] != mode:
         return 0
     first, before = int(w.ledger[line][1]), int(w.ledger[line][3])
-    if before < 0 or w.target[second] != before or w.size[before] != n or w.delay[w.i[LANE]][first] > 0.0 or w.delay[w.i[LANE]][second] > 0.0:
+    if (
+        before < 0
+        or w.target[second] != before
+        or w.size[before] != n
+        or w.delay[w.i[LANE]][first] > 0.0
+        or w.delay[w.i[LANE]][second] > 0.0
+    ):
         return 0
     for i in range(n):
         if abs(w.ledger[line][5 + i] - w.y[i]) > 1e-9 * (1.0 + abs(w.y[i])):

@@ -1,8 +1,8 @@
 """One step: the explicit Runge–Kutta step, its error, its polynomial.
 
-    error = explicit_step(model, w, p, mode, n, t, h)      # w.y -> w.y_new; accepted when error < 1
-    interpolate(model, w, p, mode, n, t, h)                # w.poly
-    evaluate(w, n, theta, out)
+error = explicit_step(model, w, p, mode, n, t, h)      # w.y -> w.y_new; accepted when error < 1
+interpolate(model, w, p, mode, n, t, h)                # w.poly
+evaluate(w, n, theta, out)
 """
 
 from math import isfinite, sqrt
@@ -48,13 +48,17 @@ def explicit_step(model, w, p, mode, n, t, h):
         return 0.0
     rtol, atol = w.f[RTOL], w.f[ATOL]
     for part in range(1 + w.i[TWO]):
-        combine(n, w.e_from[part], w.e_from[part + 1], w.e_column, w.e_value, k, 1.0, w.zero, err[part])
+        combine(
+            n, w.e_from[part], w.e_from[part + 1], w.e_column, w.e_value, k, 1.0, w.zero, err[part]
+        )
     high, low = 0.0, 0.0
     for i in range(n):
         scale = atol + rtol * max(abs(y[i]), abs(y_new[i]))
         high += (err[0][i] / scale) * (err[0][i] / scale)
         low += (err[1][i] / scale) * (err[1][i] / scale)
-    if w.i[TWO] == 1:  # DOP853 weighs its fifth- and third-order estimates (Hairer, Nørsett, Wanner, II.10)
+    if (
+        w.i[TWO] == 1
+    ):  # DOP853 weighs its fifth- and third-order estimates (Hairer, Nørsett, Wanner, II.10)
         if high == 0.0 and low == 0.0:
             return 0.0
         return h * high / sqrt((high + 0.01 * low) * n)
@@ -70,11 +74,31 @@ def interpolate(model, w, p, mode, n, t, h):
         w.i[FLOWS] += 1
     degree, powers = w.i[DEGREE], w.i[POWERS] == 1  # the terms are the powers of θ already
     for d in range(degree):
-        combine(n, w.w_from[d], w.w_from[d + 1], w.w_column, w.w_value, k, h, w.zero, w.poly[d + 1] if powers else w.term[d])
+        combine(
+            n,
+            w.w_from[d],
+            w.w_from[d + 1],
+            w.w_column,
+            w.w_value,
+            k,
+            h,
+            w.zero,
+            w.poly[d + 1] if powers else w.term[d],
+        )
     for i in range(n):
         w.poly[0][i] = w.y[i]
     for d in range(0 if powers else degree):
-        combine(n, w.q_from[d], w.q_from[d + 1], w.q_column, w.q_value, w.term, 1.0, w.zero, w.poly[d + 1])
+        combine(
+            n,
+            w.q_from[d],
+            w.q_from[d + 1],
+            w.q_column,
+            w.q_value,
+            w.term,
+            1.0,
+            w.zero,
+            w.poly[d + 1],
+        )
 
 
 def evaluate(w, n, theta, out):
