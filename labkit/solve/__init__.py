@@ -472,7 +472,7 @@ def _start(
         raise ModelError(
             f"start mode {mode!r} is not a mode of {system.name!r}; there are {listed(system.modes)}"
         )
-    own = system.states_of(mode)
+    own = system.S[mode]._fields
     return system.check_start(
         {k: v for k, v in start.items() if k in own or k not in system.units}, mode
     ), mode
