@@ -177,8 +177,8 @@ class Run:
             piece = self.pieces[index[inside]]
             theta = ((when[inside] - piece[:, 0]) / piece[:, 1])[:, None]
             modes[inside] = piece[:, 2].astype(int)
-            coefficients = piece[:, 3:].reshape(
-                len(piece), (self.pieces.shape[1] - 3) // width, width
+            coefficients = piece[:, 4:].reshape(
+                len(piece), (self.pieces.shape[1] - 4) // width, width
             )  # not -1: there may be no piece
             y = np.zeros((len(piece), width))
             for k in range(coefficients.shape[1] - 1, -1, -1):

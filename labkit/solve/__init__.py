@@ -44,7 +44,7 @@ def simulate(
     mode: str | None = None,
     method: str = "DOP853",
     rtol: float = 1e-8,
-    atol: float = 1e-10,
+    atol: float | Mapping[str, float] | None = None,
     step: float | None = None,
     max_step: float | None = None,
     points: int | np.ndarray = 500,
@@ -108,7 +108,7 @@ def simulate_many(
     mode: str | None = None,
     method: str = "DOP853",
     rtol: float = 1e-6,
-    atol: float = 1e-9,
+    atol: float | Mapping[str, float] | None = None,
     step: float | None = None,
     max_step: float | None = None,
     points: int | np.ndarray = 300,
@@ -240,11 +240,9 @@ class Settings:
         if backend not in BACKENDS:
             raise ModelError(f"there is no backend {backend!r}; there are {listed(BACKENDS)}")
         self.method, self.backend = method, backend
-        self.rtol, self.atol = number(rtol, "rtol"), number(atol, "atol")
-        if not 0 < self.rtol < 1 or self.atol < 0:
-            raise ModelError(
-                f"rtol = {self.rtol:g} must lie between 0 and 1, and atol = {self.atol:g} must not be negative"
-            )
+        self.rtol, self.atol = number(rtol, "rtol"), atol
+        if not 0 < self.rtol < 1:
+            raise ModelError(f"rtol = {self.rtol:g} must lie between 0 and 1")
         self.rtol = max(self.rtol, 100 * core.EPS)
         span = self.t_end - self.t0
         self.max_step = float("inf") if max_step is None else number(max_step, "max_step")
@@ -278,9 +276,24 @@ class Settings:
         self.place = {mode: index for index, mode in enumerate(self.modes)}
         self.width = max(len(system.states_of(m)) for m in self.modes)
         self.plans = [tr for tr in system.transitions if tr.at is not None]
+        self.absolute = self._absolute()
         self.fixed = self._fixed()
         self.free: list[Batch] = []
         self.checked: object = None  # the code with which the model's functions have been tried
+
+    def _absolute(self) -> np.ndarray:
+        """(modes, width): the part of each state's tolerance that does not grow with it; −1 where it follows from its size."""
+        table = np.full((len(self.modes), self.width), -1.0)
+        given = self.atol if isinstance(self.atol, Mapping) else dict.fromkeys(self.system.units, self.atol)
+        if unknown := [name for name in given if name not in self.system.units]:
+            raise ModelError(f"atol names the unknown state(s) {listed(unknown)}; there are {listed(self.system.units)}")
+        for m, mode in enumerate(self.modes):
+            for place, name in enumerate(self.system.states_of(mode)):
+                if given.get(name) is not None:
+                    table[m, place] = number(given[name], f"atol of {name!r}")
+        if (table[table != -1.0] < 0).any():
+            raise ModelError(f"atol = {self.atol!r} must not be negative")
+        return table
 
     def _fixed(self) -> dict[str, np.ndarray]:
         """The fields of the workspace that are the same for every run: how it begins, the method's table and the structure of the modes."""
@@ -293,6 +306,7 @@ class Settings:
         for place, value in {
             core.FRESH: 1,
             core.ENTRY: 1,
+            core.BUSY: 1,
             core.STAGES: table.stages,
             core.DEGREE: self.degree,
             core.PROXY: self.proxy,
@@ -306,6 +320,8 @@ class Settings:
             core.ORDER: table.order,
             core.ROWS: len(table.A),
             core.WIDTH: self.width,
+            core.HELD: len(system.held),
+            core.MODES: len(modes),
             core.PARAMETERS: len(system.parameters),
             core.SAMPLES: len(self.grid),
             core.SCHEDULES: len(self.plans),
@@ -317,14 +333,14 @@ class Settings:
             core.H: self.step if self.method in FIXED_STEP else 0.0,
             core.T_END: self.t_end,
             core.RTOL: self.rtol,
-            core.ATOL: self.atol,
             core.MAX_STEP: self.max_step,
             core.T0: self.t0,
             core.EVENT_T: -1e300,
-            core.DUE_T: -1e300,
-            core.SPAN: self.t_end - self.t0,
+            core.BEFORE: self.t0,
+            core.UNTIL: self.t0 + 8 * core.EPS * abs(self.t0),
         }.items():
             f0[place] = value
+        names = [system.states_of(m) for m in modes]
         fixed = {
             "i0": i0,
             "f0": f0,
@@ -342,7 +358,10 @@ class Settings:
             "urgent": [urgent[tr.urgent] for tr in trs],
             "rank": np.argsort(order),
             "tolerance": [tr.tolerance for tr in trs],
+            "family": [names.index(system.states_of(m)) for m in modes],
+            "absolute": self.absolute,
             "plan": [system.transitions.index(tr) for tr in self.plans],
+            "shared": [sum(tr.at == other.at for other in self.plans) > 1 for tr in self.plans],
             "plan_from": np.cumsum([0, *instants]),
         }
         interpolant = (
@@ -357,7 +376,8 @@ class Settings:
             }
         fixed["node"], fixed["bernstein"], fixed["test"] = proxy(self.proxy)
         self.sizes = {
-            "n": self.width,
+            "width": self.width,
+            "held": len(system.held),
             "modes": len(modes),
             "transitions": len(trs),
             "guards": len(fixed["leave"]),
@@ -393,10 +413,10 @@ class Settings:
     def code(self, p: tuple, start: tuple[float, ...], mode: str, lanes: int = 1) -> object:
         """The compiled code, or None for the plain back end; the model's functions are tried unless this very code has run with them."""
         if self.checked is None:
-            self.check_start(start, mode, p)
+            check_functions(self.system, p, self.t0, start, mode)
         code = self._code(lanes)
         if self.checked not in (None, code):  # something that they read has changed
-            self.check_start(start, mode, p)
+            check_functions(self.system, p, self.t0, start, mode)
         self.checked = code
         return code
 
@@ -426,7 +446,7 @@ class Settings:
                 continue
             value = float(tr.guard(self.t0, s, p))
             beyond = tr.direction * value - tr.tolerance
-            if beyond > 1e-9 * (1 + max(map(abs, start))):
+            if beyond > 0:
                 side = "> 0" if tr.direction > 0 else "< 0"
                 raise ModelError(
                     f"the start does not fit mode {mode!r}: the guard of {tr.name!r} is already {value:.6g} ({side}) at t = {self.t0:g}. "

@@ -159,7 +159,7 @@ class Batch:
         w = self.w
         for name, used in (
             ("ledger", w.i[core.LEDGER] + 2),
-            ("pieces", w.i[core.PIECES] + 1),
+            ("pieces", w.i[core.PIECES] + 2),
             ("out", w.i[core.OUT] + len(self.settings.grid) + 4),
         ):
             if used > self.sizes[name]:
@@ -200,9 +200,13 @@ class Batch:
         if status == core.CONTACT:
             return f'resting contact at {t}: after "{name}" its guard does not leave zero (give its transition zeno="…", a mode to rest in)'
         if status == core.LOOP:
-            return f'endless loop at {t}: {core.SAME_INSTANT} events at one instant, the last of them "{name}" (chattering: the flows on both sides of its guard push towards it)'
+            return f'endless loop at {t}: {w.i[core.SAME]} events at one instant, the last of them "{name}" (chattering: the flows on both sides of its guard push towards it)'
         if status == core.EVENTS_OUT:
             return f'too many events: {w.i[core.LEDGER]} by {t}, the last of them "{name}" (max_events={self.settings.max_events})'
+        if status == core.STIFF:
+            return f"too many steps: {w.i[core.STEPS] + w.i[core.REJECTED]} by {t}: stiff: the explicit method spends them on stability (try method='Radau')"
+        if status == core.HIDDEN_JUMP:
+            return f"too many steps: {w.i[core.STEPS] + w.i[core.REJECTED]} by {t}: the flow of mode {self.settings.modes[w.i[core.MODE]]!r} jumps near t = {w.f[core.JUMP_T]:.6g}; make the jump an event"
         if status == core.STEPS_OUT:
             return f"too many steps: {w.i[core.STEPS] + w.i[core.REJECTED]} by {t} (max_steps={self.settings.max_steps})"
         if status == core.QUEUE_FULL:
@@ -257,7 +261,7 @@ class Batch:
             out[:, 0].copy(),
             out[:, 2].astype(int),
             out[:, 1].astype(int),
-            out[:, 3:],
+            out[:, 5:],
             Events(len(ledger), lambda: _events(st, ledger)),
             self.reason(0),
             work,
@@ -280,7 +284,8 @@ class _Rows:
 
 def _events(settings: Settings, ledger: np.ndarray) -> list[Event]:
     """The ledger's rows as events."""
-    system, modes, width, events = settings.system, settings.modes, settings.width, []
+    system, modes, events = settings.system, settings.modes, []
+    width = settings.width + len(system.held)
     for line in ledger.tolist():
         tr = system.transitions[int(line[1])]
         source, target = (
@@ -305,7 +310,7 @@ def gather(settings: Settings, p: np.ndarray, batches: list[Batch], began: float
     shape = len(counts), int(counts.max())
     if len(out) == shape[0] * shape[1]:  # no lane had an event, or all had as many
         out = out.reshape(*shape, -1)
-        t, modes, values = out[..., 0].copy(), out[..., 1].astype(int), out[..., 3:]
+        t, modes, values = out[..., 0].copy(), out[..., 1].astype(int), out[..., 5:]
     else:
         lane, starts = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
         place = np.arange(len(out)) - np.repeat(starts, counts)
@@ -314,7 +319,7 @@ def gather(settings: Settings, p: np.ndarray, batches: list[Batch], began: float
             np.full(shape, -1),
             np.full((*shape, settings.width), np.nan),
         )
-        t[lane, place], modes[lane, place], values[lane, place] = out[:, 0], out[:, 1], out[:, 3:]
+        t[lane, place], modes[lane, place], values[lane, place] = out[:, 0], out[:, 1], out[:, 5:]
     total = done.sum(axis=0).tolist()
     work = Work(
         *(total[k] for k in (core.ACCEPTED, core.FAILED, core.RATES, core.LOOKS, core.EVENTS)),
