@@ -291,8 +291,8 @@ class Settings:
             for place, name in enumerate(self.system.states_of(mode)):
                 if given.get(name) is not None:
                     table[m, place] = number(given[name], f"atol of {name!r}")
-        if (table[table != -1.0] < 0).any():
-            raise ModelError(f"atol = {self.atol!r} must not be negative")
+                    if table[m, place] < 0:
+                        raise ModelError(f"atol = {self.atol!r} must not be negative")
         return table
 
     def _fixed(self) -> dict[str, np.ndarray]:
@@ -326,6 +326,7 @@ class Settings:
             core.SAMPLES: len(self.grid),
             core.SCHEDULES: len(self.plans),
             core.POWERS: not table.Q.any(),
+            core.OWN_SIZE: (self.absolute < 0).any(),
         }.items():
             i0[place] = value
         for place, value in {
