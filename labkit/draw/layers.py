@@ -14,7 +14,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from ..model import ModelError
-from ..run import Run, Runs
+from ..run import Run
+from ..runs import Runs
 from .figure import DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
 from .plane import GRID, Limits, Plane, contour, find_equilibria
 from .time import _jumps, _segments

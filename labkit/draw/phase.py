@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from ..model import OPTIONS, ModelError, System, listed
-from ..run import Run, Runs
+from ..run import Run
+from ..runs import Runs
 from .figure import FAINT, head, style
 from .layers import DirectionField, Equilibria, GuardLines, Layer, Nullclines, Trajectories, layer, stage
 from .plane import GRID, Limits, Plane

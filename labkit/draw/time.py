@@ -19,7 +19,8 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
 from ..model import ModelError, System, listed
-from ..run import Run, Runs
+from ..run import Run
+from ..runs import Runs
 from .figure import BANDS, COLORS, DASHES, FAINT, INK, Figure, figure, head, label, mode_colors, style, symbol, tint
 from .view import Shows, View, Window, extent
 
