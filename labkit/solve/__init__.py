@@ -280,7 +280,7 @@ def _gather(
     if refused:
         starts = np.zeros((lanes - before, out.shape[1]))
         starts[:, 0], starts[:, 1] = st.options.t0, modes[~able]
-        starts[:, 3 : -st.length] = -1, 0
+        starts[:, 3 : -st.length] = [-1, 0][: out.shape[1] - st.length - 3]  # nothing slides
         starts[:, -st.length :] = states[~able]
         out = np.insert(out, (ends - counts)[~able] - np.arange(len(starts)), starts, axis=0)
     backend = "plain" if batches[0].code is None else "compiled"

@@ -86,9 +86,9 @@ def starts_of(
         mine = {key: value[lane] for key, value in lists.items()}
         try:
             state, name = start_of(system, mine, mode, settings.options.t0, system.P(*values))
-        except ModelError as error:
-            refused[lane] = error
-            continue
+        except ModelError as error:  # it stands in the first mode then, as far as it goes
+            refused[lane], name = error, settings.modes[0]
+            state = [mine.get(key, np.nan) for key in system.places(name)]
         begin[lane, list(system.places(name).values())] = state
         modes[lane] = settings.place[name]
     return begin, modes, refused
