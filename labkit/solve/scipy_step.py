@@ -10,8 +10,8 @@ import numpy as np
 from . import core
 
 if TYPE_CHECKING:
-    from . import Settings
     from .functions import Plain
+    from .settings import Settings
 
 
 class SciPyStep:
