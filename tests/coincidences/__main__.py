@@ -63,7 +63,9 @@ def main() -> None:
             if given.cases == 1:
                 print(tried, *complaints, sep="\n")
         print(f"{name:10} {given.cases:6} {len(failed):6} {events:8}", end=" ")
-        print(*(f"{counts[what]:8}" for what in columns), f"{perf_counter() - began:6.1f}", end="  ")
+        print(
+            *(f"{counts[what]:8}" for what in columns), f"{perf_counter() - began:6.1f}", end="  "
+        )
         print(*(seed for seed, _, _ in failed[:SHOWN]), flush=True)
         for seed, text, tried in failed[:3] if given.cases > 1 else []:
             print(f"    {seed}: {text[:200]}\n        {tried[:300]}", flush=True)

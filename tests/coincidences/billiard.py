@@ -133,9 +133,7 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
     complaints = finished(done)
     complaints += compare([e.t - case.t0 for e in done.events], times, tolerance, "wall")
     x, y = done["x"] - case.left, done["y"] - case.low
-    out = max(
-        -np.min(x), -np.min(y), np.max(x) - float(case.wide), np.max(y) - float(case.high)
-    )
+    out = max(-np.min(x), -np.min(y), np.max(x) - float(case.wide), np.max(y) - float(case.high))
     speed = 1.0 + float(max(abs(case.vx), abs(case.vy)))
     if out > tolerance * speed:
         complaints.append(Complaint(THROUGH, f"{out:.3g} outside"))

@@ -57,7 +57,13 @@ def line(direction: int, priorities: tuple[int, ...]) -> System:
         [Mode("roll", roll)],
         [
             Transition(
-                "roll", "roll", guard=gap, direction=direction, priority=q, reset=hit, label=f"{k + 1}"
+                "roll",
+                "roll",
+                guard=gap,
+                direction=direction,
+                priority=q,
+                reset=hit,
+                label=f"{k + 1}",
             )
             for k, ((gap, hit), q) in enumerate(zip(pairs, priorities, strict=True))
         ],

@@ -114,7 +114,9 @@ def generate(random) -> Case:
         return Case(body, e, x=round(random.uniform(0.5, 2), 3), zeno=None, A=A, w=w)
     x0 = random.choice((0.1, 0.3, 0.5, 0.8))
     t0 = random.choice((0.0, 0.0, 1e5))
-    return Case(body, e, x0, x0 + random.choice((0.1, 0.5, 1.0)), random.choice((REST, None)), t0=t0)
+    return Case(
+        body, e, x0, x0 + random.choice((0.1, 0.5, 1.0)), random.choice((REST, None)), t0=t0
+    )
 
 
 def flight_of_spring(x0: float, v: float) -> float:

@@ -84,9 +84,8 @@ def generate(random) -> Case:
         random.choice((-1, 1)) * random.choice((Fraction(1, 2), Fraction(1), Fraction(3))),
         random.randint(-8, 8) * QUARTER,
         tuple(instant() for _ in range(6)),
-        tuple(random.choice((1, 0, -1)) for _ in range(3)) + random.choice(
-            ((1, 0, -1), (0, 1, 0), (0, 0, 0), (1, 1, -1))
-        ),
+        tuple(random.choice((1, 0, -1)) for _ in range(3))
+        + random.choice(((1, 0, -1), (0, 1, 0), (0, 0, 0), (1, 1, -1))),
         tuple(random.randint(0, 2) for _ in range(SLOTS)),
         random.choice((Fraction(1, 2), Fraction(1), QUARTER * places[0], QUARTER * places[1])),
         (first * QUARTER, second * QUARTER),
@@ -150,7 +149,10 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
         text = f"order {[e.index for e in done.events]}, right {order}"
         complaints.append(Complaint(OTHER, text))
     if not complaints:
-        late = max((abs(e.t - case.t0 - t) for e, (t, _) in zip(done.events, lines, strict=True)), default=0)
+        late = max(
+            (abs(e.t - case.t0 - t) for e, (t, _) in zip(done.events, lines, strict=True)),
+            default=0,
+        )
         if late > tolerance:
             complaints.append(Complaint(OTHER, f"an event is {float(late):.3g} off"))
     x = float(case.x0 + case.u * case.horizon)

@@ -70,7 +70,11 @@ def refusing(direction: int) -> System:
         [Mode("only", lambda t, s, p: (0.0, p.k))],
         [
             Transition(
-                "only", None, guard=lambda t, s, p: p.k * (s.x - 1), direction=direction, label="end"
+                "only",
+                None,
+                guard=lambda t, s, p: p.k * (s.x - 1),
+                direction=direction,
+                label="end",
             )
         ],
         start={"P": 0.0, "x": 0.0},
