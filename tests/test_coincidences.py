@@ -1,5 +1,6 @@
-"""What happens when things coincide, by exact answers: a few random cases of every kind in `coincidences`
-(many of them: `python -m tests.coincidences 10000`), and examples by name."""
+"""What happens when things coincide, by exact answers: a few random cases of every kind in
+`coincidences` (many of them: `python -m tests.coincidences 10000`), and examples by name.
+"""
 
 import random
 from fractions import Fraction
@@ -147,8 +148,9 @@ def test_an_urgent_loop_counts_down(backend):
 
 @both
 def test_a_jump_over_a_threshold(backend):
-    """A harvest at t = 5 carries the stock below the threshold of extinction: extinct at 5; as it would
-    not be with urgent=False."""
+    """A harvest at t = 5 carries the stock below the threshold of extinction: extinct at 5; as
+    it would not be with urgent=False.
+    """
     for urgent, mode in ((None, "extinct"), (False, "alive")):
         fish = System(
             "fish",
@@ -174,7 +176,9 @@ def test_a_jump_over_a_threshold(backend):
 
 @both
 def test_a_jump_undoes_a_crossing(backend):
-    """x reaches 1 at t = 1, where a dose of higher priority takes it away again: no event there."""
+    """x reaches 1 at t = 1, where a dose of higher priority takes it away again: no event
+    there.
+    """
     system = System(
         "undone",
         {"x": "", "n": ""},
@@ -290,7 +294,9 @@ def test_the_reference_enters_modes_beyond_their_guards():
 
 
 def test_the_reference_carries_and_puts_back():
-    """A tick throws x over 1 and the next one back; without direction both ways count, with one only up."""
+    """A tick throws x over 1 and the next one back; without direction both ways count, with one
+    only up.
+    """
     ticks = [
         Edge((0,), 0, at=(ONE,), jump=Jump(hx=Fraction(2))),
         Edge((0,), 0, at=(Fraction(2),), jump=Jump(hx=Fraction(-2))),

@@ -29,7 +29,9 @@ def ways(kind) -> list[tuple[str, str]]:
 
 
 def examine(kind, seed: int) -> tuple[int, list[Complaint], str]:
-    """(events, complaints, what was tried) of one case; an exception of labkit's is a complaint."""
+    """(events, complaints, what was tried) of one case; an exception of labkit's is a
+    complaint.
+    """
     case = kind.generate(random.Random(seed))
     backend, method = ways(kind)[seed % len(ways(kind))]
     try:

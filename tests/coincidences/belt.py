@@ -1,6 +1,7 @@
-"""A mass on a spring, carried by a belt of speed 1: v' = −x ∓ F. It sticks while |x| ≤ F, slips when
-the spring is stronger. Constant friction: circles in closed form; friction that falls with the speed of
-slip: integrated by SciPy, mode by mode."""
+"""A mass on a spring, carried by a belt of speed 1: v' = −x ∓ F. It sticks while |x| ≤ F, slips
+when the spring is stronger. Constant friction: circles in closed form; friction that falls with
+the speed of slip: integrated by SciPy, mode by mode.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +120,7 @@ def story(law: str, F: float, x: float, v: float) -> tuple[list[float], list[tup
     while True:
         end, x, v, sure = slip(law, F, t, x, v, slower)
         if end > HORIZON:
-            # between t and the horizon nothing happens, unless the path came too close to the belt's speed
+            # nothing more happens, unless the path comes too close to the belt's speed
             return events, sticks, HORIZON if sure else t
         if not sure or abs(abs(x) - F) < 5e-3:
             return events, sticks, t

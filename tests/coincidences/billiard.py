@@ -1,4 +1,6 @@
-"""A point in a rectangle whose walls send it back: unfolded it flies straight. Corners are aimed at."""
+"""A point in a rectangle whose walls send it back: unfolded it flies straight. Corners are
+aimed at.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""Six equal elastic bodies on a line: they hand on their velocities, so the exact answer is free flight
-with labels exchanged. Distances and velocities are small multiples of 1/4, so many impacts coincide."""
+"""Six equal elastic bodies on a line: they hand on their velocities, so the exact answer is
+free flight with labels exchanged. Distances and velocities are small multiples of 1/4, so many
+impacts coincide.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Bodies that come to rest against something else than a floor: a spring pressed on a stop, a pendulum
-on a wall, a table that shakes; any restitution, also none."""
+"""Bodies that come to rest against something else than a floor: a spring pressed on a stop, a
+pendulum on a wall, a table that shakes; any restitution, also none.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +126,9 @@ def flight_of_spring(x0: float, v: float) -> float:
 
 
 def flight_of_pendulum(x0: float, v: float) -> float:
-    """x'' = −sin x from (x0, v) until x0 again: a part of the swing's period, by elliptic integrals."""
+    """x'' = −sin x from (x0, v) until x0 again: a part of the swing's period, by elliptic
+    integrals.
+    """
     k = math.sqrt(math.sin(x0 / 2) ** 2 + v**2 / 4)
     return 2 * (ellipk(k**2) - ellipkinc(math.asin(math.sin(x0 / 2) / k), k**2))
 
@@ -145,12 +148,17 @@ def pressed(case: Case) -> tuple[list[tuple[float, float]], float]:
 
 
 def shaken(case: Case, t_end: float) -> tuple[list[float], float]:
-    """Instants of the bounces and until when they are certain: flights in closed form, found on a grid
-    and by Brent's method, as long as the error of one bounce grows by less than a million."""
+    """Instants of the bounces and until when they are certain: flights in closed form, found on
+    a grid and by Brent's method, as long as the error of one bounce grows by less than a
+    million.
+    """
     A, w, e = case.A, case.w, case.e
     t, y, v, hits, growth = 0.0, case.x, 0.0, [], 1.0
     while True:
-        gap = lambda q, t=t, y=y, v=v: y + v * q - G * q**2 / 2 - A * np.sin(w * (t + q))
+
+        def gap(q, t=t, y=y, v=v):
+            return y + v * q - G * q**2 / 2 - A * np.sin(w * (t + q))
+
         longest = (v + math.sqrt(v * v + 2 * G * (abs(y) + A))) / G + 1e-9
         grid = np.linspace(1e-6 if hits else 0.0, longest, 20_001)
         below = np.flatnonzero(gap(grid) < 0)

@@ -1,5 +1,7 @@
-"""Counters that meet at chosen instants: guards on a state and on the time, with direction and without,
-and clocks; all are self-loops, so each crossing and each tick counts once, in the order of priorities."""
+"""Counters that meet at chosen instants: guards on a state and on the time, with direction and
+without, and clocks; all are self-loops, so each crossing and each tick counts once, in the
+order of priorities.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,10 @@ class Case:
 
 def generate(random) -> Case:
     places = random.sample(range(1, 17), 2)  # two instants at which most things happen
-    instant = lambda: QUARTER * random.choice((*places, *places, random.randint(1, 20)))
+
+    def instant():
+        return QUARTER * random.choice((*places, *places, random.randint(1, 20)))
+
     first, second = sorted(random.sample([*places, random.randint(17, 20)], 2))
     return Case(
         random.choice((-1, 1)) * random.choice((Fraction(1, 2), Fraction(1), Fraction(3))),

@@ -13,7 +13,9 @@ EPS = 2.0**-52
 
 
 class Complaint(NamedTuple):
-    """What is wrong with a run: LOST or INVENTED events, a surface gone THROUGH, or OTHER things."""
+    """What is wrong with a run: LOST or INVENTED events, a surface gone THROUGH, or OTHER
+    things.
+    """
 
     what: str
     text: str
@@ -21,7 +23,9 @@ class Complaint(NamedTuple):
 
 
 def run(system: System, t_end: float, backend: str, method: str, **options) -> Run:
-    """simulate(…), with limits that a case without faults never reaches. SciPy's methods run plain."""
+    """simulate(…), with limits that a case without faults never reaches. SciPy's methods run
+    plain.
+    """
     options = {"max_events": 20_000, "max_steps": 300_000, "points": 200} | options
     backend = "plain" if method in SCIPY else backend
     return simulate(system, t_end, backend=backend, method=method, **options)
@@ -30,7 +34,9 @@ def run(system: System, t_end: float, backend: str, method: str, **options) -> R
 def compare(
     found: Iterable[float], exact: Iterable[float], tolerance: float | list[float], what: str
 ) -> list[Complaint]:
-    """Which of two rising lists of instants have no partner in the other one, within the tolerance."""
+    """Which of two rising lists of instants have no partner in the other one, within the
+    tolerance.
+    """
     found, exact = list(found), list(exact)
     bounds = [tolerance] * len(exact) if isinstance(tolerance, float) else list(tolerance)
     lost, invented = [], []

@@ -1,5 +1,6 @@
-"""A ball over a floor anywhere, on any clock, losing little or much: bounces at their exact times while
-they can be resolved, at rest at t1 + (2 v1/g)·e/(1 − e), never below the floor."""
+"""A ball over a floor anywhere, on any clock, losing little or much: bounces at their exact
+times while they can be resolved, at rest at t1 + (2 v1/g)·e/(1 − e), never below the floor.
+"""
 
 from __future__ import annotations
 
@@ -79,8 +80,9 @@ class Case:
         return scale * (1e-6 if method in SCIPY else 64 * EPS) + (1e-8 if method in SCIPY else 0)
 
     def slowest(self, method: str) -> float:
-        """Impacts faster than this must be resolved: they rise a hundred times higher than what is
-        known of the height, and fly a thousand times longer than the clock's rounding."""
+        """Impacts faster than this must be resolved: they rise a hundred times higher than what
+        is known of the height, and fly a thousand times longer than the clock's rounding.
+        """
         clock = EPS * (self.t0 + self.rest)
         return max(math.sqrt(200 * G * self.blur(method)), 500 * G * clock) / self.e
 

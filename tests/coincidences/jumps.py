@@ -1,5 +1,7 @@
-"""Jumps by schedules and by other transitions' resets that carry a guard beyond, put it back, or undo
-a crossing at its very instant; urgent False, True and None. `reference.py` says what is right."""
+"""Jumps by schedules and by other transitions' resets that carry a guard beyond, put it back,
+or undo a crossing at its very instant; urgent False, True and None. `reference.py` says what is
+right.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ __all__ = ["METHODS", "check", "expected", "generate"]
 
 
 def draw(random, shapes: int) -> Case:
-    """x moves slowly or rests, clocks throw it about; thresholds lie at whole numbers and their halves."""
+    """x moves slowly or rests, clocks throw it about; thresholds lie at whole numbers and their
+    halves.
+    """
     quarter = Fraction(1, 4)
     flows = tuple(
         (random.choice((0, 0, 1, -1, 2)) * quarter * 2, Fraction(random.randint(0, 1)))

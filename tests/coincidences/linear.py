@@ -1,6 +1,7 @@
-"""Random systems of constant flows and linear guards, made so that things coincide: the same guard
-twice, multiples of a guard, guards through one point of the path, clocks at those very instants.
-`reference.py` says in fractions what is right."""
+"""Random systems of constant flows and linear guards, made so that things coincide: the same
+guard twice, multiples of a guard, guards through one point of the path, clocks at those very
+instants. `reference.py` says in fractions what is right.
+"""
 
 from __future__ import annotations
 
@@ -156,7 +157,9 @@ def draw(random, shapes: int) -> Case:
 
 
 def draw_guard(random, edges, flows, start, places) -> Guard:
-    """One like another before it, or through a point of the path at a chosen instant, or anywhere."""
+    """One like another before it, or through a point of the path at a chosen instant, or
+    anywhere.
+    """
     if edges and random.random() < 0.3:
         k = random.choice((Fraction(1), Fraction(2), Fraction(-1), Fraction(1, 2)))
         g = random.choice(edges).guard
@@ -187,7 +190,9 @@ def draw_instants(random, which: int, places) -> tuple[Fraction, ...]:
 
 
 def settled(case: Case) -> list[int] | None:
-    """The transitions of the case in order, or None where the rules leave room or nothing is told."""
+    """The transitions of the case in order, or None where the rules leave room or nothing is
+    told.
+    """
     try:
         lines = case.story().lines
     except Unclear:

@@ -1,21 +1,23 @@
 """The rules of events, followed literally in exact arithmetic.
 
-Flows are constant velocities in the plane, guards a·x + b·y + c·t − d, jumps x → k·x + h: so every
-crossing is a fraction, and what coincides coincides exactly. Where the rules leave room, `Unclear` is
-raised and the case is no case. The rules, as they are used here:
+Flows are constant velocities in the plane, guards a·x + b·y + c·t − d, jumps x → k·x + h: so
+every crossing is a fraction, and what coincides coincides exactly. Where the rules leave room,
+`Unclear` is raised and the case is no case. The rules, as they are used here:
 
-* A guard's side is the sign of its value, or of its rate where the value is zero; − where both are zero.
-  It changes along the flow, by a jump, or on entering a mode.
-* With a direction a guard (turned so that the event is the rise) fires when its side goes from − to +;
-  without, whenever its side changes.
-* All that is due at an instant (crossings, schedules, ends of dead times) fires by priority, then in
-  the order of the list. What is pending is dropped when its mode is left or a jump has undone it.
-* A crossing is used once: what has fired fires again at this instant only after some jump has put its
-  guard back and a later one has carried it over again.
+* A guard's side is the sign of its value, or of its rate where the value is zero; − where both
+  are zero. It changes along the flow, by a jump, or on entering a mode.
+* With a direction a guard (turned so that the event is the rise) fires when its side goes from
+  − to +; without, whenever its side changes.
+* All that is due at an instant (crossings, schedules, ends of dead times) fires by priority,
+  then in the order of the list. What is pending is dropped when its mode is left or a jump has
+  undone it.
+* A crossing is used once: what has fired fires again at this instant only after some jump has
+  put its guard back and a later one has carried it over again.
 * A jump that carries a guard over is a crossing, except with urgent=False.
-* On entering another mode, guards with a direction that are beyond, or at zero and moving beyond, fire
-  once, except with urgent=False. One without direction that is zero after a change of mode without a
-  jump has the far side of the arrival; a flow that turns it back crosses it at once.
+* On entering another mode, guards with a direction that are beyond, or at zero and moving
+  beyond, fire once, except with urgent=False. One without direction that is zero after a change
+  of mode without a jump has the far side of the arrival; a flow that turns it back crosses it
+  at once.
 * urgent=True fires whenever it is beyond.
 * A dead time that has begun runs on; its transition fires if it then leaves the current mode.
 """
@@ -201,8 +203,7 @@ class Story:
         found += [("due", e) for e in self.dues if mode in self.edges[e].sources]
         if len({e for _, e in found}) < len(found):
             raise Unclear("one transition is due and crosses at once")
-        rank = lambda choice: (-self.edges[choice[1]].priority, choice[1])
-        return min(found, key=rank, default=None)
+        return min(found, key=lambda it: (-self.edges[it[1]].priority, it[1]), default=None)
 
     def fire(self, how: str, e: int) -> None:
         edge, source = self.edges[e], self.mode
@@ -238,14 +239,16 @@ class Story:
         self.arrive(e if how == "guard" else None, edge.jump is not None)
 
     def use_tick(self, e: int) -> None:
-        """Transitions with equal instants are one clock: of them one fires that leaves the mode of arrival."""
+        """Transitions with equal instants are one clock: of them one fires that leaves the mode
+        of arrival.
+        """
         clock = [q for q in self.ticks if self.edges[q].at == self.edges[e].at]
         leaving = [q for q in clock if self.arrival in self.edges[q].sources]
         if len(clock) > 1 and (len(leaving) > 1 or e not in leaving):
             raise Unclear("one clock, two transitions")
         self.ticks -= set(clock)
 
-    # ------------------------------------------------------------ after a jump, after a change of mode
+    # ------------------------------------------------------------ after jumps and changes of mode
 
     def stay(self) -> None:
         """Sides after a jump within a mode."""

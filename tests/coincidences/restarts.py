@@ -1,5 +1,7 @@
-"""A run that is cut in two and goes on from run.final is the whole run: each event exactly once, also
-those at the very seam, be it an impact, a dose, a tick, a switch or a state that slides."""
+"""A run that is cut in two and goes on from run.final is the whole run: each event exactly
+once, also those at the very seam, be it an impact, a dose, a tick, a switch or a state that
+slides.
+"""
 
 from __future__ import annotations
 
@@ -61,6 +63,38 @@ def systems() -> dict[str, System]:
             ],
             start={"T": 0.0, "n": 0.0},
         ),
+        "counter": System(
+            "levels passed",
+            {"x": "", "up": "", "both": "", "clock": ""},
+            {"one": 1.0, "two": 2.0},
+            [Mode("only", lambda t, s, p: (1.0, 0.0, 0.0, 0.0))],
+            [
+                Transition(
+                    "only",
+                    "only",
+                    guard=lambda t, s, p: s.x - p.one,
+                    direction=1,
+                    urgent=False,
+                    reset=lambda t, s, p: (s.x, s.up + 1, s.both, s.clock),
+                ),
+                Transition(
+                    "only",
+                    "only",
+                    guard=lambda t, s, p: s.x - p.two,
+                    urgent=False,
+                    reset=lambda t, s, p: (s.x, s.up, s.both + 1, s.clock),
+                ),
+                Transition(
+                    "only",
+                    "only",
+                    guard=lambda t, s, p: t - p.two,
+                    direction=1,
+                    urgent=False,
+                    reset=lambda t, s, p: (s.x, s.up, s.both, s.clock + 1),
+                ),
+            ],
+            start={"x": 0.0, "up": 0.0, "both": 0.0, "clock": 0.0},
+        ),
         "slide": System(
             "two fields",
             {"x": "", "z": ""},
@@ -97,11 +131,14 @@ def switches() -> list[float]:
 
 
 def events(case: Case) -> list[float]:
-    """The instants of the whole run. The slide begins at 1/2 and ends where B no longer pushes back."""
+    """The instants of the whole run. The slide begins at 1/2 and ends where B no longer pushes
+    back.
+    """
     return {
         "ball": [0.5 + k for k in range(6)],
         "tank": [1.0, 2.0, 2.0, 3.0, 3.5, 4.0, 5.0, 6.0],
         "heater": switches(),
+        "counter": [1.0, 2.0, 2.0],
         "slide": [0.5, 2.0],
     }[case.name]
 
@@ -111,6 +148,8 @@ def final(case: Case) -> dict[str, float]:
         return {"y": case.shift + 1.25, "v": 0.0}
     if case.name == "tank":
         return {"n": math.exp(-0.4) + math.exp(-0.25), "k": 6.0}
+    if case.name == "counter":
+        return {"x": HORIZON, "up": 1.0, "both": 1.0, "clock": 1.0}
     if case.name == "heater":
         times = switches()
         rest = math.exp(times[-1] - HORIZON)
@@ -120,7 +159,7 @@ def final(case: Case) -> dict[str, float]:
 
 
 def generate(random) -> Case:
-    case = Case(random.choice(("ball", "tank", "heater", "slide")), ())
+    case = Case(random.choice(("ball", "tank", "heater", "counter", "slide")), ())
     shift = random.choice((0.0, 0.0, 1.0, -3.0, 100.0)) if case.name == "ball" else 0.0
     seams = set()
     for _ in range(random.randint(1, 3)):

@@ -21,7 +21,9 @@ def swing(t, s, p):
 
 @cache
 def scaled(direction: int) -> System:
-    """A swing of amplitude p.a beside a state P, watched at p.part of the amplitude by a guard times p.k."""
+    """A swing of amplitude p.a beside a state P, watched at p.part of the amplitude by a guard
+    times p.k.
+    """
     return System(
         "scaled guard",
         {"x": "", "v": "", "P": ""},

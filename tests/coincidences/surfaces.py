@@ -1,7 +1,8 @@
-"""Sliding along the surface between two modes: fields that are constant or change linearly along it, so
-that arrival, Filippov's mixture and the end of sliding are known in closed form.
+"""Sliding along the surface between two modes: fields that are constant or change linearly
+along it, so that arrival, Filippov's mixture and the end of sliding are known in closed form.
 
-In terms of ξ = x − k·y − d: ξ' = α + β·y with an α for each mode, y' = c in both, z' another constant.
+In terms of ξ = x − k·y − d: ξ' = α + β·y with an α for each mode, y' = c in both, z' another
+constant.
 """
 
 from __future__ import annotations
@@ -60,7 +61,9 @@ class Grazing(Exception):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A piece of the exact path: from t on in "A", "B" or "on" the surface, beginning at (ξ, y, z)."""
+    """A piece of the exact path: from t on in "A", "B" or "on" the surface, beginning at (ξ, y,
+    z).
+    """
 
     t: float
     where: str
@@ -135,7 +138,9 @@ def state(case: Case, piece: Stretch, tau: float) -> tuple[float, float, float]:
 
 
 def generate(random) -> Case:
-    number = lambda most: round(random.uniform(-most, most), 2)
+    def number(most):
+        return round(random.uniform(-most, most), 2)
+
     while True:
         case = Case(
             random.choice((0.0, 1.0, number(2))),

@@ -1,5 +1,6 @@
-"""A swing that comes up to a limit: passed by more than the tolerance it is an event, missed by more
-nothing, and between a touch, reported once, whatever the sign of the numerical error."""
+"""A swing that comes up to a limit: passed by more than the tolerance it is an event, missed by
+more nothing, and between a touch, reported once, whatever the sign of the numerical error.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +60,9 @@ class Case:
 
 
 def generate(random) -> Case:
-    """Tolerances of the limit stay far above the error that the integration makes in three swings."""
+    """Tolerances of the limit stay far above the error that the integration makes in three
+    swings.
+    """
     rtol = 10.0 ** -random.randint(4, 12)
     powers = [k for k in range(-8, -1) if 10.0**k >= 2e3 * rtol] or [-1]
     return Case(
