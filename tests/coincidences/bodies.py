@@ -13,7 +13,7 @@ import numpy as np
 
 from labkit import Mode, System, Transition
 
-from .findings import THROUGH, Complaint, close, compare, finished, run
+from .findings import EPS, THROUGH, Complaint, close, compare, finished, run
 
 METHODS = ("Heun", "RK4", "RK45", "DOP853")
 
@@ -138,7 +138,8 @@ def expected(case: Case) -> int:
 
 
 def check(case: Case, backend: str, method: str) -> list[Complaint]:
-    tolerance = 1e-11 + 1e-12 * case.shift + 1e-14 * case.t0
+    clock = 4 * EPS * case.t0 * (1 + expected(case))
+    tolerance = 1e-11 + 1e-12 * case.shift + clock
     start = {f"x{i + 1}": float(x) + case.shift for i, x in enumerate(case.x)}
     start |= {f"v{i + 1}": float(v) for i, v in enumerate(case.v)}
     system = line(case.direction, case.priorities)

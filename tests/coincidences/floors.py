@@ -119,9 +119,10 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
     blur, slowest = case.blur(method), case.slowest(method)
     clock = EPS * (case.t0 + case.rest)
     exact = case.bounces(slowest)
-    # A height off by `blur` is a bounce off by blur/v; and every bounce stands on the clock's grid.
+    # A height off by `blur` is a bounce off by blur/v, and every bounce stands on the clock's grid;
+    # what a speed is off by then lengthens all flights that follow, e + e² + … times.
     bounds = [
-        1e-9 * (1 + t) + 4 * blur / (v * case.e) + 4 * (k + 1) * clock
+        1e-9 * (1 + t) + 4 * (blur / (v * case.e) + (k + 1) * clock) / (1 - case.e)
         for k, (t, v) in enumerate(exact)
     ]
     limit = exact[-1][0] + bounds[-1] if exact else 0.0
@@ -132,6 +133,7 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
         complaints.append(Complaint(THROUGH, f"{low:.3g} below the floor: {done.stopped}"))
     # What was not resolved may take as long as the flights after the last one that must be.
     loose = 1e-8 * (1 + case.rest) + 2 * slowest / G / (1 - case.e) + 1e3 * clock / (1 - case.e)
+    loose += bounds[-1] if bounds else 0.0
     end = done.t[-1] - case.t0
     if case.zeno:
         lies = [e.t - case.t0 for e in done.events if e.target == "rest"]

@@ -300,7 +300,8 @@ class Story:
         if new < 0:
             self.used.discard(e)
         elif fired:
-            pass
+            if self.edges[e].urgent:
+                raise Unclear("used once, or urgent again?")
         elif e in self.used:
             raise Unclear("used in another mode")
         elif self.edges[e].urgent is False:
