@@ -59,7 +59,7 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
     t_end = case.periods * case.T + tail
     done = run(
         modulator(case.priorities), t_end, backend, method, start={"x": case.x},
-        T=case.T, D=case.D, rtol=1e-10, atol=1e-12, step=case.T / 20,
+        T=case.T, D=case.D, rtol=1e-10, atol=1e-12, step=min(0.01, case.T / 20),
     )  # fmt: skip
     x = case.x
     for length in [case.T] * case.periods + [tail]:

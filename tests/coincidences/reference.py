@@ -225,7 +225,7 @@ class Story:
         if edge.target == source:
             if edge.jump:
                 self.jumped = True
-                self.stay()
+                self.stay(e if how == "guard" else None)
             return
         if self.begun:
             raise Unclear("a dead time begins while the mode changes")
@@ -250,7 +250,7 @@ class Story:
 
     # ------------------------------------------------------------ after jumps and changes of mode
 
-    def stay(self) -> None:
+    def stay(self, fired: int | None) -> None:
         """Sides after a jump within a mode."""
         for e in self.watched(self.mode):
             old, new = self.side[e], self.side_now(e)
@@ -262,6 +262,8 @@ class Story:
             if e in self.pending:  # undone
                 self.pending.discard(e)
             elif e in self.used:
+                if not self.directed(e) and e != fired:
+                    raise Unclear("put back, or a crossing the other way?")
                 self.used.discard(e)  # put back; if it is carried over once more it fires again
             elif (new > 0 or not self.directed(e)) and self.edges[e].urgent is not False:
                 self.pending.add(e)
