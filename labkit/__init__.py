@@ -1,9 +1,9 @@
-"""labkit: models with modes and events as objects; simulate them, draw them, slide their parameters.
+"""labkit: models with modes and events as objects; simulate, draw, slide their parameters.
 
     from labkit import Mode, Parameter, System, Transition, simulate, explore
 
-Names load on first use, so `import labkit` costs next to nothing and works before anything is installed
-(`python -m labkit` sets the environment up).
+Names load on first use, so `import labkit` costs next to nothing and works before anything is
+installed (`python -m labkit` sets the environment up).
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-# Libraries and figures make many objects that stay. To look for cyclic garbage among them after every 700 new ones, which is
-# Python's rule, takes half a second of a notebook.
+# Libraries and figures make many objects that stay. To look for cyclic garbage among them after
+# every 700 new ones, which is Python's rule, takes half a second of a notebook.
 gc.set_threshold(max(gc.get_threshold()[0], 10_000), *gc.get_threshold()[1:])
 
 _HOMES = {
-    "model": "At Every Mode ModelError Output Parameter System Transition",
+    "model": "At Every Held Mode ModelError Output Parameter System Transition",
     "equations": "equations jacobian mode_diagram parameter_table",
     "solve": "METHODS simulate simulate_many",
-    "run": "Event Run Runs Touch Work load_npz",
+    "run": "Ended Event Run Touch Work load_npz",
+    "runs": "Runs",
     "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
-    "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact true_error",
+    "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
+    "true_error",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "panel": "explore",
     "course": "assignment catalogue choose project",

@@ -1,10 +1,10 @@
 """A System as mathematics: the functions that are simulated, traced with SymPy. There is no second copy to disagree.
 
-    equations(ball)                          # shows every mode, guard, reset and output in LaTeX
-    equations(ball).flows["flight"]["v"]     # SymPy expressions: -g
-    jacobian(ball)                           # ∂f/∂s of a mode; jacobian(ball).at({"y": 1, "v": 0}, g=1.62) in numbers
-    parameter_table(ball)
-    mode_diagram(ball)                       # modes and transitions as a picture
+equations(ball)                          # shows every mode, guard, reset and output in LaTeX
+equations(ball).flows["flight"]["v"]     # SymPy expressions: -g
+jacobian(ball)                           # ∂f/∂s of a mode; jacobian(ball).at({"y": 1, "v": 0}, g=1.62) in numbers
+parameter_table(ball)
+mode_diagram(ball)                       # modes and transitions as a picture
 """
 
 from __future__ import annotations
@@ -26,7 +26,15 @@ from .model import At, Every, ModelError, System, Transition, listed
 from .show import Table, latex_name, split_name
 from .trace import Quantity, Tracer, Untraceable, expression
 
-__all__ = ["Equations", "Jacobian", "Untraced", "equations", "jacobian", "mode_diagram", "parameter_table"]
+__all__ = [
+    "Equations",
+    "Jacobian",
+    "Untraced",
+    "equations",
+    "jacobian",
+    "mode_diagram",
+    "parameter_table",
+]
 
 
 @dataclass(frozen=True)
@@ -68,18 +76,31 @@ class Equations:
         self.parameters = {name: sp.Symbol(name, real=True) for name in system.parameters}
         self._tracer = Tracer([*self.states.values(), self.t])
         self._p = system.P(*map(Quantity, self.parameters.values()))
-        self._shown = {mode: self._trace(what.flow, mode, system.states_of(mode)) for mode, what in system.modes.items()}
-        self._rows = [self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)]
-        self._output = {name: {mode: self._trace(f, mode) for mode, f in self._functions(name).items()} for name in system.outputs}
+        self._shown = {
+            mode: self._trace(what.flow, mode, system.states_of(mode))
+            for mode, what in system.modes.items()
+        }
+        self._rows = [
+            self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)
+        ]
+        self._output = {
+            name: {mode: self._trace(f, mode) for mode, f in self._functions(name).items()}
+            for name in system.outputs
+        }
         self.flows = {mode: self._expand(shown) for mode, shown in self._shown.items()}
         first = {id(row.transition): row for row in reversed(self._rows)}
         self.guards = [self._expand(first[id(tr)].guard) for tr in system.transitions]
         self.resets = [self._expand(first[id(tr)].reset) for tr in system.transitions]
-        self.outputs = {name: {mode: self._expand(e) for mode, e in modes.items()} for name, modes in self._output.items()}
+        self.outputs = {
+            name: {mode: self._expand(e) for mode, e in modes.items()}
+            for name, modes in self._output.items()
+        }
 
     def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
         """An expression, or {name: expression} where names are given, or Untraced."""
-        s = self.system.S[mode](*(Quantity(self.states[name]) for name in self.system.states_of(mode)))
+        s = self.system.S[mode](
+            *(Quantity(self.states[name]) for name in self.system.states_of(mode))
+        )
         try:
             result = self._tracer.trace(function, Quantity(self.t), s, self._p)
             if names is None and isinstance(result, tuple):
@@ -88,7 +109,9 @@ class Equations:
                 return result
             result = result if isinstance(result, tuple) else (result,)
             if len(result) != len(names):
-                raise Untraceable(f"it returns {len(result)} values for the {len(names)} states {listed(names)}")
+                raise Untraceable(
+                    f"it returns {len(result)} values for the {len(names)} states {listed(names)}"
+                )
             return dict(zip(names, result, strict=True))
         except Untraceable as error:
             return Untraced(_source(function), str(error))
@@ -96,11 +119,20 @@ class Equations:
     def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
         guard = None if tr.guard is None else self._trace(tr.guard, sources[0])
         target = self.system.states_of(tr.target or sources[0])
-        return _Row(tr, sources, guard, None if tr.reset is None else self._trace(tr.reset, sources[0], target))
+        return _Row(
+            tr,
+            sources,
+            guard,
+            None if tr.reset is None else self._trace(tr.reset, sources[0], target),
+        )
 
     def _functions(self, output: str) -> Mapping[str, Callable]:
         function = self.system.outputs[output].function
-        return function if isinstance(function, Mapping) else dict.fromkeys(self.system.modes, function)
+        return (
+            function
+            if isinstance(function, Mapping)
+            else dict.fromkeys(self.system.modes, function)
+        )
 
     def _expand(self, what: Any) -> Any:
         if isinstance(what, Mapping):
@@ -120,7 +152,12 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
-        states = ", ".join(f"${latex_name(n)}$" + (f" {system.meanings[n]}" if system.meanings[n] else "") + (f" [{u}]" if u else "") for n, u in system.units.items())
+        states = ", ".join(
+            f"${latex_name(n)}$"
+            + (f" {system.meanings[n]}" if system.meanings[n] else "")
+            + (f" [{u}]" if u else "")
+            for n, u in system.units.items()
+        )
         parts = [f"**{system.name}**: states {states}"]
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
@@ -129,12 +166,24 @@ class Equations:
                 parts.append(_code(title, shown))
             else:
                 lines = (rf"{_dot(name)} &= {self.latex(e)}" for name, e in shown.items())
-                parts += [title, "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"]
+                parts += [
+                    title,
+                    "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$",
+                ]
         parts += self._output_parts()
         if self._tracer.definitions:
-            heads = ((latex_name(d.name), ", ".join(map(self.latex, d.args)), self.latex(d.e)) for d in self._tracer.definitions.values())
-            lines = (rf"{name}" + (rf"\left({args}\right)" if args else "") + f" &= {e}" for name, args, e in heads)
-            parts += ["where", "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"]
+            heads = (
+                (latex_name(d.name), ", ".join(map(self.latex, d.args)), self.latex(d.e))
+                for d in self._tracer.definitions.values()
+            )
+            lines = (
+                rf"{name}" + (rf"\left({args}\right)" if args else "") + f" &= {e}"
+                for name, args, e in heads
+            )
+            parts += [
+                "where",
+                "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$",
+            ]
         if self._rows:
             parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in self._rows)]
         parts.append(self._start())
@@ -148,18 +197,34 @@ class Equations:
                 continue
             same = len(modes) == len(self.system.modes) and len({*modes.values()}) == 1
             for mode, e in list(modes.items())[: 1 if same else None]:
-                lines.append(rf"{latex_name(name)} &= {self.latex(e)}" + ("" if same else rf" && \text{{({mode})}}"))
-        return [*(["Outputs", "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"] if lines else []), *parts]
+                lines.append(
+                    rf"{latex_name(name)} &= {self.latex(e)}"
+                    + ("" if same else rf" && \text{{({mode})}}")
+                )
+        return [
+            *(
+                ["Outputs", "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"]
+                if lines
+                else []
+            ),
+            *parts,
+        ]
 
     def _words(self, row: _Row) -> str:
         """**bounce**, flight → flight: when $y$ falls through 0; then $v^{+} = - e v$."""
         tr = row.transition
         arrow = f"{' or '.join(f'*{name}*' for name in row.sources)} → {f'*{tr.target}*' if tr.target else '**end of the run**'}"
-        text = (f"**{tr.label}**, " if tr.label else "") + f"{arrow}: {self.condition(tr, row.guard)}"
+        text = (
+            f"**{tr.label}**, " if tr.label else ""
+        ) + f"{arrow}: {self.condition(tr, row.guard)}"
         if isinstance(row.reset, Untraced):
             text += f"; then the state is changed by\n\n{textwrap.indent(_code('', row.reset).strip(), '  ')}\n"
         elif row.reset:
-            changed = {n: e for n, e in row.reset.items() if e != self.states[n] or n not in self.system.states_of(row.sources[0])}
+            changed = {
+                n: e
+                for n, e in row.reset.items()
+                if e != self.states[n] or n not in self.system.states_of(row.sources[0])
+            }
             after = (rf"${latex_name(n)}^{{+}} = {self.latex(e)}$" for n, e in changed.items())
             text += f"; then {', '.join(after)}" if changed else "; the state is kept"
         if tr.zeno:
@@ -169,7 +234,9 @@ class Equations:
     def condition(self, tr: Transition, guard: Any) -> str:
         """When a transition fires, in words and LaTeX."""
         if isinstance(tr.at, Every):
-            text = f"every {self._time(tr.at.period)}" + ("" if tr.at.first is None else f", first at {self._time(tr.at.first)}")
+            text = f"every {self._time(tr.at.period)}" + (
+                "" if tr.at.first is None else f", first at {self._time(tr.at.first)}"
+            )
         elif isinstance(tr.at, At):
             text = "at $t$ = " + ", ".join(map(self._time, tr.at.instants))
         elif isinstance(guard, Untraced):
@@ -177,23 +244,55 @@ class Equations:
         else:
             text = f"when ${self.latex(guard)}$ {_WAYS[tr.direction]} 0"
         text += f" by more than {tr.tolerance:g}" if tr.tolerance else ""
-        text += f", or is {'above' if tr.direction > 0 else 'below'} 0 already when the mode is entered" if tr.urgent else ""
-        return text + (f", after a dead time of {self._time(tr.delay)}" if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay else "")
+        text += (
+            f", or is {'above' if tr.direction > 0 else 'below'} 0 already when the mode is entered"
+            if tr.urgent
+            else ""
+        )
+        return text + (
+            f", after a dead time of {self._time(tr.delay)}"
+            if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay
+            else ""
+        )
 
     def _time(self, value: Any) -> str:
-        return f"${self.latex(value)}$" + ("" if isinstance(value, str) or callable(value) else f" {self.system.time}")
+        return f"${self.latex(value)}$" + (
+            "" if isinstance(value, str) or callable(value) else f" {self.system.time}"
+        )
 
     def _start(self) -> str:
         system = self.system
-        at = ", ".join(f"${latex_name(n)} = {self.latex(v)}$ {system.units[n]}".strip() for n, v in system.start.items())
-        return "Start " + ("in the mode that suits the state" if callable(system.mode) else f"in *{system.mode}*") + (f" with {at}" if at else "")
+        at = ", ".join(
+            f"${latex_name(n)} = {self.latex(v)}$ {system.units[n]}".strip()
+            for n, v in system.start.items()
+        )
+        return (
+            "Start "
+            + (
+                "in the mode that suits the state"
+                if callable(system.mode)
+                else f"in *{system.mode}*"
+            )
+            + (f" with {at}" if at else "")
+        )
 
     def __repr__(self) -> str:
         lines = [self.system.name]
         for mode, flow in self.flows.items():
-            lines += [f"  {mode}:", *([textwrap.indent(str(flow), "    ")] if isinstance(flow, Untraced) else (f"    {n}' = {e}" for n, e in flow.items()))]
+            lines += [
+                f"  {mode}:",
+                *(
+                    [textwrap.indent(str(flow), "    ")]
+                    if isinstance(flow, Untraced)
+                    else (f"    {n}' = {e}" for n, e in flow.items())
+                ),
+            ]
         for tr, guard, reset in zip(self.system.transitions, self.guards, self.resets, strict=True):
-            when = self.condition(tr, guard).replace("$", "") if guard is None else f"{guard} {_WAYS[tr.direction]} 0"
+            when = (
+                self.condition(tr, guard).replace("$", "")
+                if guard is None
+                else f"{guard} {_WAYS[tr.direction]} 0"
+            )
             lines.append(f"  {tr.name}: {when}" + (f"; then {reset}" if reset else ""))
         return "\n".join(lines)
 
@@ -217,7 +316,9 @@ class Jacobian(sp.ImmutableDenseMatrix):
     equations: Equations
     mode: str
 
-    def at(self, state: Mapping[str, float] | None = None, t: float = 0.0, **parameters: float) -> np.ndarray:
+    def at(
+        self, state: Mapping[str, float] | None = None, t: float = 0.0, **parameters: float
+    ) -> np.ndarray:
         """jacobian(system).at({"x": 1, "v": 0}, k=2) -> (n, n) array at that state; what is left out is as in the system.
 
         Raises ModelError for an unknown or missing state or parameter.
@@ -226,7 +327,11 @@ class Jacobian(sp.ImmutableDenseMatrix):
         names = system.states_of(self.mode)
         state = {**{n: system.start[n] for n in names if n in system.start}, **(state or {})}
         values = [t, *system.check_start(state, self.mode), *system.values(parameters)]
-        symbols = [self.equations.t, *(self.equations.states[n] for n in names), *self.equations.parameters.values()]
+        symbols = [
+            self.equations.t,
+            *(self.equations.states[n] for n in names),
+            *self.equations.parameters.values(),
+        ]
         return np.array(sp.lambdify(symbols, sp.Matrix(self), "numpy")(*values), dtype=float)
 
     def _repr_latex_(self) -> str:
@@ -240,13 +345,25 @@ def jacobian(system: System, mode: str | None = None) -> Jacobian:
     Raises ModelError for an unknown mode, or where the flow could not be traced.
     """
     made = equations(system)
-    mode = mode if mode is not None else next(iter(system.modes)) if callable(system.mode) else system.mode
+    mode = (
+        mode
+        if mode is not None
+        else next(iter(system.modes))
+        if callable(system.mode)
+        else system.mode
+    )
     if mode not in system.modes:
-        raise ModelError(f"{mode!r} is not a mode of {system.name!r}; there are {listed(system.modes)}")
+        raise ModelError(
+            f"{mode!r} is not a mode of {system.name!r}; there are {listed(system.modes)}"
+        )
     flow = made.flows[mode]
     if isinstance(flow, Untraced):
-        raise ModelError(f"the flow of mode {mode!r} has no Jacobian: it cannot be written as a formula, because {flow.why}")
-    result = Jacobian([[_derivative(e, made.states[n]) for n in system.states_of(mode)] for e in flow.values()])
+        raise ModelError(
+            f"the flow of mode {mode!r} has no Jacobian: it cannot be written as a formula, because {flow.why}"
+        )
+    result = Jacobian(
+        [[_derivative(e, made.states[n]) for n in system.states_of(mode)] for e in flow.values()]
+    )
     result.equations, result.mode = made, mode
     return result
 
@@ -254,8 +371,14 @@ def jacobian(system: System, mode: str | None = None) -> Jacobian:
 def _derivative(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
     """Steps are constant between their jumps; SymPy alone would give Dirac pulses and unevaluated derivatives of floor."""
     e = e.replace(sp.Mod, lambda a, b: a - b * sp.floor(a / b))
-    steps = {step: sp.Dummy(real=True) for step in e.atoms(sp.sign, sp.floor, sp.ceiling, sp.Heaviside)}
-    return sp.diff(e.xreplace(steps), x).xreplace({dummy: step for step, dummy in steps.items()}).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+    steps = {
+        step: sp.Dummy(real=True) for step in e.atoms(sp.sign, sp.floor, sp.ceiling, sp.Heaviside)
+    }
+    return (
+        sp.diff(e.xreplace(steps), x)
+        .xreplace({dummy: step for step, dummy in steps.items()})
+        .replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+    )
 
 
 def parameter_table(system: System) -> Table:
@@ -264,8 +387,25 @@ def parameter_table(system: System) -> Table:
     rows = []
     for name, what in system.parameters.items():
         low, high = (None if bound is None else _plain(bound) for bound in (what.low, what.high))
-        span = f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else "any"
-        rows.append((f"${what.symbol or latex_name(name)}$", f"`{name}`", what.meaning, _plain(what.value), what.unit, span))
+        span = (
+            f"{low} … {high}"
+            if low and high
+            else f"≥ {low}"
+            if low
+            else f"≤ {high}"
+            if high
+            else "any"
+        )
+        rows.append(
+            (
+                f"${what.symbol or latex_name(name)}$",
+                f"`{name}`",
+                what.meaning,
+                _plain(what.value),
+                what.unit,
+                span,
+            )
+        )
     return Table(("symbol", "in the code", "meaning", "value", "unit", "range"), rows)
 
 
@@ -313,32 +453,57 @@ class _Printer(LatexPrinter):
     """SymPy's LaTeX with the system's symbols, named helpers, short decimals; sums: states first, constants last, no leading minus."""
 
     def __init__(self, owner: Equations):
-        super().__init__({"ln_notation": True, "inv_trig_style": "full", "mul_symbol": r" \, "})  # e v is not a variable "ev"
+        super().__init__(
+            {"ln_notation": True, "inv_trig_style": "full", "mul_symbol": r" \, "}
+        )  # e v is not a variable "ev"
         self._owner = owner
 
     def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:
-        parameter = self._owner.system.parameters.get(expr.name) if expr == self._owner.parameters.get(expr.name) else None
+        parameter = (
+            self._owner.system.parameters.get(expr.name)
+            if expr == self._owner.parameters.get(expr.name)
+            else None
+        )
         return parameter.symbol if parameter and parameter.symbol else latex_name(expr.name)
 
     _print_Dummy = _print_Symbol
 
     def _print_Function(self, expr: Any, exp: str | None = None) -> str:
-        definition = self._owner._tracer.definitions.get(expr.func.__name__) if isinstance(expr, AppliedUndef) else None
+        definition = (
+            self._owner._tracer.definitions.get(expr.func.__name__)
+            if isinstance(expr, AppliedUndef)
+            else None
+        )
         if definition is None:
             return super()._print_Function(expr, exp)
         put = dict(zip(definition.formals, expr.args, strict=True))
         args = ", ".join(self._print(put.get(a, a)) for a in definition.args)
-        return latex_name(definition.name) + (rf"\left({args}\right)" if args else "") + (f"^{{{exp}}}" if exp else "")
+        return (
+            latex_name(definition.name)
+            + (rf"\left({args}\right)" if args else "")
+            + (f"^{{{exp}}}" if exp else "")
+        )
 
     def _print_Float(self, expr: sp.Float) -> str:
         mantissa, _, power = f"{float(expr):.6g}".partition("e")
-        return mantissa if not power else f"10^{{{int(power)}}}" if mantissa == "1" else rf"{mantissa} \cdot 10^{{{int(power)}}}"
+        return (
+            mantissa
+            if not power
+            else f"10^{{{int(power)}}}"
+            if mantissa == "1"
+            else rf"{mantissa} \cdot 10^{{{int(power)}}}"
+        )
 
     def _as_ordered_terms(self, expr: sp.Add, order: str | None = None) -> list[sp.Expr]:
         rank = {x: i for i, x in enumerate([*self._owner.states.values(), self._owner.t])}
-        terms = sorted(super()._as_ordered_terms(expr, order), key=lambda term: min((rank.get(x, 99) for x in term.free_symbols), default=99))
-        positive = next((k for k, term in enumerate(terms) if not term.could_extract_minus_sign()), 0)
-        return [terms[positive], *terms[:positive], *terms[positive + 1:]]
+        terms = sorted(
+            super()._as_ordered_terms(expr, order),
+            key=lambda term: min((rank.get(x, 99) for x in term.free_symbols), default=99),
+        )
+        positive = next(
+            (k for k, term in enumerate(terms) if not term.could_extract_minus_sign()), 0
+        )
+        return [terms[positive], *terms[:positive], *terms[positive + 1 :]]
 
 
 class _Callable(types.ModuleType):

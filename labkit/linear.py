@@ -21,7 +21,17 @@ from .model import ModelError, System, listed
 from .run import Run
 from .show import Table
 
-__all__ = ["affine", "borders", "classify", "eigenlines", "eigenvalues", "equilibrium", "error_table", "exact", "true_error"]
+__all__ = [
+    "affine",
+    "borders",
+    "classify",
+    "eigenlines",
+    "eigenvalues",
+    "equilibrium",
+    "error_table",
+    "exact",
+    "true_error",
+]
 
 E = np.eye(2)
 
@@ -33,7 +43,9 @@ def finite(value: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
     except (TypeError, ValueError):
         raise ModelError(f"{what} must be made of numbers, not {value!r}") from None
     if array.shape != shape or not np.isfinite(array).all():
-        raise ModelError(f"{what} must be {'a 2 × 2 matrix' if len(shape) == 2 else 'a pair'} of finite numbers, not {value!r}")
+        raise ModelError(
+            f"{what} must be {'a 2 × 2 matrix' if len(shape) == 2 else 'a pair'} of finite numbers, not {value!r}"
+        )
     return array
 
 
@@ -63,7 +75,12 @@ def borders(A: ArrayLike) -> dict[str, float]:
 
 def _borders(a: float, q: float, r: float, gap: float) -> dict[str, float]:
     turn, norm = hypot(a, q), (hypot(a, q) + r) or 1.0
-    return {"det A = 0": abs(turn - r) / norm, "tr A = 0": abs(a) / norm, "equal eigenvalues": abs(gap) / norm, "star": (r + abs(q)) / norm}
+    return {
+        "det A = 0": abs(turn - r) / norm,
+        "tr A = 0": abs(a) / norm,
+        "equal eigenvalues": abs(gap) / norm,
+        "star": (r + abs(q)) / norm,
+    }
 
 
 def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
@@ -117,10 +134,15 @@ def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.nd
     if gap < 0 and near["equal eigenvalues"] > tolerance:
         return []
     (w, x), (y, z) = (np.asarray(A, dtype=float) / size).tolist()
-    d, root = (w - z) / 2, (0.0 if near["equal eigenvalues"] <= tolerance else np.sqrt(gap * (r + abs(q))))
+    d, root = (
+        (w - z) / 2,
+        (0.0 if near["equal eigenvalues"] <= tolerance else np.sqrt(gap * (r + abs(q)))),
+    )
     lines = []
     for s in (root, -root)[: 2 if root else 1]:
-        v = np.array([d + s, y] if d * s > 0 or (d * s == 0 and abs(y) >= abs(x)) else [x, s - d])  # the column of A − aE + sE without cancellation
+        v = np.array(
+            [d + s, y] if d * s > 0 or (d * s == 0 and abs(y) >= abs(x)) else [x, s - d]
+        )  # the column of A − aE + sE without cancellation
         v = v / np.hypot(*v)
         lines.append((size * (a + s), v if (v[0], v[1]) > (0, 0) else -v))
     return lines
@@ -139,7 +161,9 @@ def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndar
         U, s, Vt = np.linalg.svd(A)
         drive = abs(float(U[:, -1] @ b))  # the part of b that no A s can balance
         if not np.any(A):
-            why = "A = 0, so ds/dt = b everywhere: " + ("no point is at rest" if np.any(b) else "all points are at rest")
+            why = "A = 0, so ds/dt = b everywhere: " + (
+                "no point is at rest" if np.any(b) else "all points are at rest"
+            )
         elif drive > 1e-9 * np.hypot(*b):
             why = f"A s takes values on one line only and b does not lie on it: no point is at rest, the state drifts for ever ({drive:.3g} across that line)"
         else:
@@ -159,8 +183,14 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
     """
     A, b = finite(A, (2, 2), "A"), finite(b, (2,), "b")
     t, start = np.asarray(t, dtype=float).reshape(-1, 1, 1), np.asarray(start, dtype=float)
-    if start.shape[-1:] != (2,) or start.ndim > 2 or not (np.all(np.isfinite(start)) and np.all(np.isfinite(t))):
-        raise ModelError(f"start must be a pair of numbers or an array (k, 2), and t finite; got a start of shape {start.shape}")
+    if (
+        start.shape[-1:] != (2,)
+        or start.ndim > 2
+        or not (np.all(np.isfinite(start)) and np.all(np.isfinite(t)))
+    ):
+        raise ModelError(
+            f"start must be a pair of numbers or an array (k, 2), and t finite; got a start of shape {start.shape}"
+        )
     size, a, q, r, gap = _split(A)
     a, root = size * a, size * np.sqrt(complex(gap * (r + abs(q))))
     B = A - a * E
@@ -173,12 +203,19 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
         # f[λ1, λ2] of f(λ) = t φ(λt): the difference quotient, or Gauss's mean of f' where λ1 t and λ2 t are close
         close = np.abs(w) < 1
         far = np.where(close, 1, w)
-        between = sum(g / 2 * _phi1_slope(a * t + x * w) for x, g in zip(*np.polynomial.legendre.leggauss(8), strict=True))
-        steep = t * t * np.where(close, between, (_phi1(a * t + far) - _phi1(a * t - far)) / (2 * far))
+        between = sum(
+            g / 2 * _phi1_slope(a * t + x * w)
+            for x, g in zip(*np.polynomial.legendre.leggauss(8), strict=True)
+        )
+        steep = (
+            t * t * np.where(close, between, (_phi1(a * t + far) - _phi1(a * t - far)) / (2 * far))
+        )
         drive = (h.real * E + steep.real * B) @ b
     s = np.einsum("mij,...j->...mi", flow, start) + drive
     if not np.all(np.isfinite(s)):
-        raise ModelError(f"the exact solution grows beyond 1e308 within t = {np.abs(t).max():g}: take a shorter time")
+        raise ModelError(
+            f"the exact solution grows beyond 1e308 within t = {np.abs(t).max():g}: take a shorter time"
+        )
     return s
 
 
@@ -206,7 +243,9 @@ def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarr
     """
     (mode,) = system.modes.values() if len(system.modes) == 1 else (None,)
     if mode is None or len(system.states) != 2:
-        raise ModelError(f"{system.name!r} has {len(system.modes)} mode(s) and the states {listed(system.states)}; here a system has one mode and two states")
+        raise ModelError(
+            f"{system.name!r} has {len(system.modes)} mode(s) and the states {listed(system.states)}; here a system has one mode and two states"
+        )
     kind, p = system.S[mode.name], system.values() if p is None else p
 
     def flow(x: float, y: float, t: float = 0.0) -> np.ndarray:
@@ -215,8 +254,15 @@ def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarr
     b = flow(0.0, 0.0)
     A = np.column_stack([flow(1.0, 0.0) - flow(-1.0, 0.0), flow(0.0, 1.0) - flow(0.0, -1.0)]) / 2
     x, y, t = 1.7, -2.3, 0.7
-    if not np.allclose(flow(x, y, t), A @ (x, y) + b, rtol=1e-9, atol=1e-9 * float(np.abs(A).max() + np.abs(b).max())):
-        raise ModelError(f"{system.name!r} is not of the form ds/dt = A s + b with constant A and b")
+    if not np.allclose(
+        flow(x, y, t),
+        A @ (x, y) + b,
+        rtol=1e-9,
+        atol=1e-9 * float(np.abs(A).max() + np.abs(b).max()),
+    ):
+        raise ModelError(
+            f"{system.name!r} is not of the form ds/dt = A s + b with constant A and b"
+        )
     return A, b
 
 
@@ -226,7 +272,13 @@ def true_error(run: Run) -> np.ndarray:
     return np.hypot(*(run.values[:, :2] - exact(A, b, run.values[0, :2], run.t - run.t[0])).T)
 
 
-def error_table(system: System, horizon: float, how: Sequence[tuple[str, float]], start: Mapping[str, float] | None = None, **parameters: float) -> Table:
+def error_table(
+    system: System,
+    horizon: float,
+    how: Sequence[tuple[str, float]],
+    start: Mapping[str, float] | None = None,
+    **parameters: float,
+) -> Table:
     """error_table(system, 10.0, [("Euler", 0.01), ("DOP853", 1e-10)]) -> table of what each method costs and how far it is from the exact solution.
 
     The number beside a method is its step where it has a fixed one (Euler, Heun, RK4), else its rtol (atol is a hundredth of it).
@@ -237,8 +289,36 @@ def error_table(system: System, horizon: float, how: Sequence[tuple[str, float]]
     rows = []
     for method, value in how:
         fixed = method in FIXED_STEP
-        run = simulate(system, horizon, start=start, method=method, **({"step": value} if fixed else {"rtol": value, "atol": value / 100}), **parameters)
-        error, size = true_error(run), np.hypot(*exact(*affine(system, run.p), run.values[0, :2], run.t).T).max()
-        rows.append((method, f"{'h' if fixed else 'rtol'} = {value:.4g}", str(run.work.evaluations),
-                     f"{error.max():.1e}", f"{error.max() / (size or 1):.1e}", f"{error[-1]:.1e}"))
-    return Table(("method", "step or tolerance", "evaluations", "largest error", "of the largest state", "error at the end"), rows)
+        run = simulate(
+            system,
+            horizon,
+            start=start,
+            method=method,
+            **({"step": value} if fixed else {"rtol": value, "atol": value / 100}),
+            **parameters,
+        )
+        error, size = (
+            true_error(run),
+            np.hypot(*exact(*affine(system, run.p), run.values[0, :2], run.t).T).max(),
+        )
+        rows.append(
+            (
+                method,
+                f"{'h' if fixed else 'rtol'} = {value:.4g}",
+                str(run.work.evaluations),
+                f"{error.max():.1e}",
+                f"{error.max() / (size or 1):.1e}",
+                f"{error[-1]:.1e}",
+            )
+        )
+    return Table(
+        (
+            "method",
+            "step or tolerance",
+            "evaluations",
+            "largest error",
+            "of the largest state",
+            "error at the end",
+        ),
+        rows,
+    )

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import keyword
 import math
+import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from dataclasses import dataclass, replace
 __all__ = [
     "At",
     "Every",
+    "Held",
     "Mode",
     "ModelError",
     "Output",
@@ -88,6 +90,30 @@ def number(value: object, what: str) -> float:
     return result
 
 
+def _letters(name: object) -> object:
+    """The name as Python reads it in source: µ (keyboard) is μ (Greek), ϕ is φ, ϵ is ε; hence p.µ asks for "μ"."""
+    return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
+
+
+def _named(given: Mapping, what: str) -> dict:
+    """A mapping with its names as Python reads them; ModelError where two become one."""
+    made = {_letters(key): value for key, value in given.items()}
+    if len(made) < len(given):
+        raise ModelError(
+            f"two names in {what} are the same to Python, which reads ϕ as φ, ϵ as ε, µ as μ "
+            f"(unicode NFKC): {listed(given)}"
+        )
+    return made
+
+
+def _part(reset: Function, place: int) -> Function:
+    return lambda t, s, p: reset(t, s, p)[place]
+
+
+def _constant(value: float) -> Function:
+    return lambda t, s, p: value
+
+
 def _identifier(name: object, what: str) -> str:
     if (
         not isinstance(name, str)
@@ -139,6 +165,18 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Held:
+    """Held("Ω", 50.0, "load"): a variable that only events change: no derivative, read as s.load.
+
+    It keeps its value, `start` at first, until the reset of a transition names it.
+    """
+
+    unit: str
+    start: float
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
 class Mode:
     """Mode("flight", flow): one law of motion; flow(t, s, p) returns the derivatives in the order of the states.
 
@@ -174,6 +212,12 @@ class At:
     def __init__(self, *instants: Number):
         if not instants:
             raise ModelError("At() names no instant: give one or more, At(25.0), or leave out at=")
+        for each in instants:
+            if not isinstance(each, str) and hasattr(each, "__len__"):
+                raise ModelError(
+                    f"At({each!r}) is given a collection: write the instants one by one, At(1, 2), "
+                    "or unpack them, At(*times)"
+                )
         object.__setattr__(self, "instants", instants)
 
 
@@ -188,7 +232,8 @@ class Transition:
     target     name of a mode; None ends the run ("destroyed")
     guard      g(t, s, p) -> number; the event is its zero. direction: +1 rising, -1 falling, 0 both
     at         a schedule (Every, At) instead of a guard: instants known beforehand
-    reset      r(t, s, p) -> the states after the event, in the order of the target's states; left out: kept
+    reset      r(t, s, p) -> the states after the event, in the order of the target's states; or
+               {"v": function or number, …} names what changes and keeps the rest; left out: all kept
     delay      dead time (number, parameter name or function of p) from the guard's crossing to the transition
     priority   of several events at one instant the highest goes first; equal ones in the order of the list
     urgent     fires also if the guard is already beyond zero when the mode is entered (or at the start)
@@ -200,7 +245,7 @@ class Transition:
     target: str | None
     guard: Function | None = None
     direction: int = 0
-    reset: Function | None = None
+    reset: Function | Mapping[str, Function | float] | None = None
     label: str = ""
     at: Schedule | None = None
     delay: Number = 0.0
@@ -240,6 +285,8 @@ class System:
     start        state name -> value at t0, for every state of the start mode
     mode         start mode: a name (default: the first), or a function (t, s, p) -> name that suits the start
     outputs      name -> Output
+    held         name -> (unit, start), or (unit, start, meaning): variables that only events change,
+                 read as s.name like states; a flow returns no derivative of them
     time         unit of the time
 
     Raises ModelError, naming the piece and the mend, for an unknown mode, a name used twice, a value out of range…
@@ -256,6 +303,7 @@ class System:
         mode: str | Function | None = None,
         outputs: Mapping[str, Output] | None = None,
         time: str = "s",
+        held: Mapping[str, tuple] | None = None,
     ):
         self.name = name
         self.time = time
@@ -270,11 +318,15 @@ class System:
         self.states = self._add_states(states, "the system")
         self.parameters = self._make_parameters(parameters or {})
         self.modes = self._make_modes(modes)
+        #: name -> Held, in the order of their places behind the states
+        self.held = self._make_held(held or {})
+        #: the most states of any mode; held variables stand from here on in the vector of a state
+        self.width = max(len(self.states_of(key)) for key in self.modes)
         self.transitions = tuple(
             self._check_transition(tr)
             for tr in ([transitions] if isinstance(transitions, Transition) else transitions)
         )
-        self.outputs = dict(outputs or {})
+        self.outputs = _named(outputs or {}, "outputs")
         for output, what in self.outputs.items():
             _identifier(output, "output")
             if output in self.units or output in self.parameters or output in COLUMNS:
@@ -302,16 +354,24 @@ class System:
                 f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r}"
             )
         self.start = {
-            key: number(value, f"start of {key!r}") for key, value in (start or {}).items()
+            key: number(value, f"start of {key!r}")
+            for key, value in _named(start or {}, "start").items()
         }
+        if twice := [key for key in self.start if key in self.held]:
+            raise ModelError(
+                f"start names the held variable(s) {listed(twice)}: their start stands in held= "
+                f"(simulate(…, start=…) may change it)"
+            )
         if unknown := [key for key in self.start if key not in self.units]:
             raise ModelError(
                 f"start names the unknown state(s) {listed(unknown)}; there are {listed(self.units)}"
             )
+        self.start |= {key: each.start for key, each in self.held.items()}
         if not callable(self.mode):
             self.check_start(self.start, self.mode)
         self.P = namedtuple("P", list(self.parameters))  # type: ignore[misc]
-        self.S = {key: namedtuple("S", self.states_of(key)) for key in self.modes}  # type: ignore[misc]
+        #: mode -> the named tuple s of its states, then the held variables
+        self.S = {key: namedtuple("S", [*self.states_of(key), *self.held]) for key in self.modes}  # type: ignore[misc]
         #: (mode name -> transitions that may leave it, as positions in `transitions`, highest priority first)
         self.leaving = {
             key: sorted(
@@ -324,6 +384,7 @@ class System:
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str
     ) -> tuple[str, ...]:
+        states = _named(states, f"the states of {owner}")
         for key, what in states.items():
             _identifier(key, f"state of {owner}")
             if key == "t":
@@ -356,7 +417,7 @@ class System:
                 f"parameters of {self.name!r} must be a dict of names and Parameters, not {parameters!r}"
             )
         made = {}
-        for key, value in parameters.items():
+        for key, value in _named(parameters, "parameters").items():
             _identifier(key, "parameter")
             if key in OPTIONS:
                 raise ModelError(
@@ -386,13 +447,93 @@ class System:
                     f"the flow of mode {mode.name!r} must be a function of (t, s, p), not {mode.flow!r}"
                 )
             if mode.states is not None:
-                self._add_states(mode.states, f"mode {mode.name!r}")
-                if clash := [key for key in mode.states if key in self.parameters]:
+                own = self._add_states(mode.states, f"mode {mode.name!r}")
+                mode = replace(mode, states=_named(mode.states, f"mode {mode.name!r}"))
+                if clash := [key for key in own if key in self.parameters]:
                     raise ModelError(
                         f"mode {mode.name!r} has a state with the name of the parameter {listed(clash)}: give one of them another"
                     )
             made[mode.name] = mode
         return made
+
+    def _make_held(self, held: Mapping[str, tuple]) -> dict[str, Held]:
+        if not isinstance(held, Mapping):
+            raise ModelError(
+                f"held of {self.name!r} must be a dict, {{'load': ('Ω', 50.0)}}, not {held!r}"
+            )
+        made = {}
+        for key, what in _named(held, "held").items():
+            _identifier(key, "held variable")
+            if key == "t" or key in COLUMNS or key in OPTIONS:
+                raise ModelError(
+                    f"a held variable cannot be called {key!r}: that is the time, a column of every "
+                    f"run or an option of simulate; rename it (for example {key}_)"
+                )
+            if key in self.units or key in self.parameters:
+                raise ModelError(
+                    f"held variable {key!r} has the name of a "
+                    f"{'state' if key in self.units else 'parameter'}: give it another"
+                )
+            if not isinstance(what, Held):
+                if (
+                    not isinstance(what, tuple | list)
+                    or len(what) not in (2, 3)
+                    or not all(isinstance(word, str) for word in (what[0], *what[2:]))
+                ):
+                    raise ModelError(
+                        f"held variable {key!r} must be (unit, start value) or "
+                        f"(unit, start value, meaning), not {what!r}"
+                    )
+                what = Held(*what)
+            made[key] = replace(what, start=number(what.start, f"start of {key!r}"))
+        for key, what in made.items():
+            self.units[key], self.meanings[key] = what.unit, what.meaning
+        return made
+
+    def _check_reset(self, tr: Transition) -> Transition:
+        """A reset is a function, or a mapping of names that there are to functions or numbers."""
+        what = f"the reset of transition {tr.name!r}"
+        if tr.reset is None or callable(tr.reset):
+            return tr
+        if not isinstance(tr.reset, Mapping):
+            raise ModelError(
+                f"{what} must be a function of (t, s, p), not {tr.reset!r}; "
+                "or a dict of what changes, {'v': 0.0}"
+            )
+        parts = _named(tr.reset, what)
+        for source in tr.sources:
+            after = self.states_of(tr.target or source)
+            if unknown := [key for key in parts if key not in after and key not in self.held]:
+                raise ModelError(
+                    f"{what} names {listed(unknown)}; after it there are {listed([*after, *self.held])}"
+                )
+            before = self.states_of(source)
+            if missing := [key for key in after if key not in parts and key not in before]:
+                raise ModelError(
+                    f"{what} gives no value for {listed(missing)}, which mode {source!r} does not have"
+                )
+        for key, value in parts.items():
+            if not callable(value):
+                parts[key] = number(value, f"{what}: {key!r}")
+        return replace(tr, reset=parts)
+
+    def reset_parts(self, transition: Transition, mode: str) -> dict[str, Function | None]:
+        """system.reset_parts(transition, "flight") -> name after the event -> f(t, s, p), None if kept.
+
+        Names are the target's states (the mode's own where the run ends), then the held variables.
+        """
+        names, reset = self.states_of(transition.target or mode), transition.reset
+        parts: dict[str, Function | None] = dict.fromkeys([*names, *self.held])
+        if callable(reset):
+            return parts | {name: _part(reset, k) for k, name in enumerate(names)}
+        for key, value in (reset or {}).items():
+            parts[key] = value if callable(value) else _constant(value)
+        return parts
+
+    def places(self, mode: str) -> dict[str, int]:
+        """system.places("flight") -> name -> its place in the vector of a state of that mode."""
+        own = {name: place for place, name in enumerate(self.states_of(mode))}
+        return own | {name: self.width + place for place, name in enumerate(self.held)}
 
     def _check_transition(self, tr: Transition) -> Transition:
         if not isinstance(tr, Transition) or not isinstance(tr.source, str | tuple | list):
@@ -416,10 +557,7 @@ class System:
             raise ModelError(
                 f"the guard of {what} must be a function of (t, s, p), not {tr.guard!r}"
             )
-        if tr.reset is not None and not callable(tr.reset):
-            raise ModelError(
-                f"the reset of {what} must be a function of (t, s, p), not {tr.reset!r}"
-            )
+        tr = self._check_reset(tr)
         if tr.direction not in (-1, 0, 1):
             raise ModelError(
                 f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 (both)"
@@ -449,7 +587,7 @@ class System:
                 else ()
             ),
         ):
-            if isinstance(value, str) and value not in self.parameters:
+            if isinstance(value, str) and _letters(value) not in self.parameters:
                 raise ModelError(
                     f"{what} names the unknown parameter {value!r}; there are {listed(self.parameters)}"
                 )
@@ -478,6 +616,8 @@ class System:
         """system.values({"e": 0.9}) -> all parameters as a named tuple p; ModelError for an unknown name or bad value."""
         if not changed:
             return self.P(*(parameter.value for parameter in self.parameters.values()))
+        if not self.parameters.keys() >= changed.keys():
+            changed = _named(changed, "the parameters")
         if unknown := [key for key in changed if key not in self.parameters]:
             raise ModelError(
                 f"{listed(unknown)} is not a parameter of {self.name!r}; there are {listed(self.parameters)}"
@@ -490,8 +630,12 @@ class System:
         )
 
     def check_start(self, start: Mapping[str, float], mode: str) -> tuple[float, ...]:
-        """system.check_start(start, mode) -> the values in the mode's order; ModelError when one is missing or too many."""
+        """system.check_start(start, mode) -> the values in the order of S[mode]; ModelError when one is missing or too many.
+
+        Held variables that are not named start as `held` says.
+        """
         names = self.states_of(mode)
+        start = {key: each.start for key, each in self.held.items()} | _named(start, "start")
         if unknown := [key for key in start if key not in self.units]:
             raise ModelError(
                 f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has {listed(names)}"
@@ -500,14 +644,14 @@ class System:
             raise ModelError(
                 f"start gives no value for {listed(missing)}: mode {mode!r} has the states {listed(names)}"
             )
-        return tuple(number(start[key], f"start of {key!r}") for key in names)
+        return tuple(number(start[key], f"start of {key!r}") for key in (*names, *self.held))
 
     def resolve(self, value: Number, p: tuple[float, ...], what: str) -> float:
         """system.resolve("Td", p, "delay of …") -> a number given as such, as a parameter's name or as a function of p."""
         if callable(value):
             value = value(p)
         elif isinstance(value, str):
-            value = getattr(p, value)
+            value = getattr(p, _letters(value))
         return number(value, what)
 
     def __repr__(self) -> str:

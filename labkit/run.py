@@ -1,7 +1,8 @@
-"""What a simulation leaves behind: samples, values at any time, the event ledger, the work done, export.
+"""What a simulation leaves behind: samples, values at any time, the ledger, the work done, export.
 
 run = simulate(ball, 12.0, e=0.9)
-run.t, run["y"], run.at(3.2)["v"], run.events[0].t, run.stopped, run.mode
+run.t, run["y"], run.at(3.2)["v"], run.events["bounce"].t, run.mode
+run.ended is Ended.FINISHED, run.stopped; run.options; run.again(e=0.7)
 run.to_csv("ball.csv"); run.to_npz("ball.npz"); load_npz("ball.npz")["y"]; run.to_frame()
 """
 
@@ -11,81 +12,52 @@ import csv
 import io
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from .ledger import Event, Touch
 from .model import ModelError, System, listed
 
-__all__ = ["Event", "Run", "Runs", "Touch", "Work", "load_npz"]
+__all__ = ["Ended", "Event", "Run", "Touch", "Work", "column", "load_npz"]
 
 
-@dataclass(frozen=True)
-class Event:
-    """One line of the ledger: run.events[0].t, .transition, .source, .target, .before["v"], .after["v"]."""
+class Ended(StrEnum):
+    """Why a run ended, as a value that code can test: run.ended is Ended.ZENO.
 
-    t: float
-    transition: str
-    source: str
-    target: str | None
-    before: Mapping[str, float]
-    after: Mapping[str, float]
-    index: int
+    run.stopped says the same as a sentence, with the place.
 
-    def __str__(self) -> str:
-        # differences of rounding size would tell of the machine, not of the system
-        pairs = [
-            (k, self.before[k], v)
-            for k, v in self.after.items()
-            if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))
-        ]
-        changed = ", ".join(f"{k} {old:.6g} → {new:.6g}" for k, old, new in pairs)
-        return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (
-            f"  ({changed})" if changed else ""
-        )
+    >>> Ended.FINISHED == "finished"
+    True
+    """
 
-
-@dataclass(frozen=True)
-class Touch:
-    """A limit that was touched and not passed: run.touches[0].t, .transition, .by, the guard at its highest (0 … the transition's tolerance)."""
-
-    t: float
-    transition: str
-    by: float
-
-    def __str__(self) -> str:
-        return f"{self.t:12.6f}  {self.transition}: touched, no event (by {self.by:.3g})"
-
-
-class Events(Sequence):
-    """Events(count, make): the ledger as a sequence; make() gives the list of Event, and is called when somebody looks."""
-
-    def __init__(self, count: int, make: Callable[[], list[Event]]):
-        self._count, self._make = count, make
-
-    @cached_property
-    def _events(self) -> list[Event]:
-        return self._make()
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, index: int | slice) -> Event | list[Event]:
-        return self._events[index]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Sequence) and self._events == list(other)
-
-    def __repr__(self) -> str:
-        return repr(self._events)
+    FINISHED = "finished"
+    TERMINAL = "terminal event"
+    ZENO = "Zeno"  # events pile up, and no mode is named to rest in
+    CONTACT = "resting contact"  # after its event a guard does not leave zero
+    LOOP = "endless loop"  # too many events at one instant
+    TOO_MANY_EVENTS = "too many events"
+    TOO_MANY_STEPS = "too many steps"
+    STIFF = "stiff"  # an explicit method that spends its steps on stability
+    JUMP = "jump in a flow"  # not declared as an event: rejected steps pile up at one place
+    NOT_A_NUMBER = "not a number"
+    DIVERGED = "diverged"
+    SINGULAR = "singular"  # no step is short enough
+    QUEUE = "too many dead times"  # under way at once
+    REFUSED = "refused start"  # does not fit its mode; only among the runs of simulate_many
 
 
 @dataclass(frozen=True)
 class Work:
-    """What it cost: accepted and rejected steps, evaluations of flows and guards, events, seconds, and by which means."""
+    """run.work.steps: what a run cost, and by which means.
+
+    Accepted and rejected steps, evaluations of flows and of guards, events, seconds (of a run of
+    `simulate_many` not known: NaN), method and back end.
+    """
 
     steps: int
     rejected: int
@@ -97,18 +69,21 @@ class Work:
     backend: str
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Run:
     """The result of `simulate`. Arrays have one entry a sample, in the order of hybrid time (t, j).
 
-    t        (m,) time. An event adds two samples at one instant: before and after
-    j        (m,) number of events so far; each sample advances t or j, never both
-    mode     (m,) name of the mode of each sample
-    run[n]   (m,) a state or output; NaN in modes that do not have it
-    events   the ledger, a sequence of Event
-    touches  limits that a guard came up to without passing them, a list of Touch (the first 64)
-    stopped  why it ended: "finished", 'terminal event "destroyed"', "Zeno at …"
-    p        the parameters used, p.g; work: the Work done
+    t         (m,) time. An event adds two samples at one instant: before and after
+    j         (m,) number of events so far; each sample advances t or j, never both
+    mode      (m,) name of the mode of each sample
+    run[n]    (m,) a state, held variable or output; NaN in modes that do not have it
+    events    the ledger: events[0] an Event, events["bounce"] its Firings as arrays
+    touches   limits that a guard came up to without passing them, a list of Touch (the first 64)
+    ended     why it ended, an Ended;  stopped: the same as a sentence, 'terminal event "destroyed"'
+    notes     sentences about what was done but should be known, mostly none
+    p         the parameters used, p.g;  options: how it was made;  work: the Work done
+
+    A run of `simulate_many` has no `pieces`; its `at` makes the run once more to find them.
     """
 
     system: System
@@ -116,12 +91,21 @@ class Run:
     t: np.ndarray
     j: np.ndarray
     mode_index: np.ndarray
-    values: np.ndarray  # (m, most states of any mode)
+    values: np.ndarray  # (m, most states of any mode + held variables)
     events: Sequence[Event]
     stopped: str
     work: Work
-    pieces: np.ndarray  # one row a step: t0, h, mode, then the coefficients of its polynomial in (t − t0)/h, lowest first
+    # One row a step: t0, h, mode, the other mode while sliding (else −1), then the coefficients of
+    # its polynomial in (t − t0)/h, lowest first, then the held variables
+    pieces: np.ndarray | None
     touches: list[Touch] = field(default_factory=list)
+    ended: Ended = Ended.FINISHED
+    notes: list[str] = field(default_factory=list)
+    options: Mapping[str, object] = field(default_factory=dict)
+    make: Callable[..., Run] | None = None  # what made it: simulate
+    # While sliding, of each sample the other mode (else −1) and its share of the flow, 0 … 1
+    other: np.ndarray | None = None
+    part: np.ndarray | None = None
 
     @cached_property
     def mode(self) -> np.ndarray:
@@ -129,63 +113,62 @@ class Run:
 
     @property
     def start(self) -> dict[str, float]:
+        """Names and values of states and held variables at the first sample."""
         return self._state(0)
 
     @property
     def final(self) -> dict[str, float]:
-        """State names and values at the end, after the last event."""
+        """Names and values of states and held variables at the end, after the last event."""
         return self._state(-1)
 
     def _state(self, row: int) -> dict[str, float]:
-        names = self.system.states_of(self.mode[row])
-        return dict(zip(names, self.values[row].tolist(), strict=False))
+        values = self.values[row].tolist()
+        return {name: values[k] for name, k in self.system.places(self.mode[row]).items()}
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return _column(self.system, self.p, name, self.t, self.mode_index, self.values)
+        return column(
+            self.system, self.p, name, self.t, self.mode_index, self.values, self.other, self.part
+        )
+
+    def again(self, **changes: object) -> Run:
+        """run.again(e=0.7, rtol=1e-10, start={"y": 2.0}) -> Run, as this one but for the changes.
+
+        Takes parameters and options of `simulate`; `start` changes the values that it names.
+        Raises ModelError as `simulate` does.
+        """
+        if self.make is None:
+            raise ModelError("this run was not made by simulate, so it cannot be made again")
+        if unknown := [n for n in changes if n not in self.options and n not in self.p._fields]:
+            raise ModelError(
+                f"again takes options and parameters of {self.system.name!r}, not "
+                f"{listed(unknown)}; there are {listed([*self.p._fields, *self.options])}"
+            )
+        if isinstance(changes.get("start"), Mapping):
+            changes["start"] = {**self.options["start"], **changes["start"]}
+        return self.make(self.system, **{**self.p._asdict(), **self.options, **changes})
+
+    @cached_property
+    def _pieces(self) -> np.ndarray:
+        return self.pieces if self.pieces is not None else self.again().pieces
 
     def at(self, t: float | np.ndarray, side: str = "after") -> dict[str, float | np.ndarray]:
         """run.at(3.2)["v"]: every state and output at one time or an array of times, and "mode".
 
-        From the polynomial of the step that holds t, to the accuracy of the method. At the instant of an event
-        `side` chooses the value "before" it (the first one) or "after" it (the last one).
-        Raises ModelError when t lies outside the run.
+        From the polynomial of the step that holds t, to the accuracy of the method. At the instant
+        of an event `side` chooses the value "before" it (the first one) or "after" it (the last
+        one). A run of `simulate_many` is made once more, alone, when it is first asked: the same
+        numbers. Raises ModelError when t lies outside the run.
         """
         if side not in ("before", "after"):
             raise ModelError(f"side is 'before' or 'after', not {side!r}")
         when = np.atleast_1d(np.asarray(t, dtype=float))
         first, last = self.t[0], self.t[-1]
         if not np.all((when >= first) & (when <= last)):
-            raise ModelError(
-                f"t = {when[~((when >= first) & (when <= last))][0]:g} lies outside the run, {first:g} … {last:g}"
-            )
-        width = self.values.shape[1]
-        modes = np.full(when.shape, self.mode_index[-1])
-        values = np.repeat(self.values[-1:], len(when), axis=0)
-        if len(self.pieces):
-            index = (
-                np.searchsorted(
-                    self.pieces[:, 0], when, side="right" if side == "after" else "left"
-                )
-                - 1
-            )
-            inside = np.ones(len(when), dtype=bool)
-            if side == "after":
-                inside = when < last
-            else:
-                inside = index >= 0  # before the first instant there is only the start itself
-                modes[~inside], values[~inside] = self.mode_index[0], self.values[0]
-            piece = self.pieces[index[inside]]
-            theta = ((when[inside] - piece[:, 0]) / piece[:, 1])[:, None]
-            modes[inside] = piece[:, 2].astype(int)
-            coefficients = piece[:, 3:].reshape(
-                len(piece), (self.pieces.shape[1] - 3) // width, width
-            )  # not -1: there may be no piece
-            y = np.zeros((len(piece), width))
-            for k in range(coefficients.shape[1] - 1, -1, -1):
-                y = y * theta + coefficients[:, k]
-            values[inside] = y
+            wrong = when[~((when >= first) & (when <= last))][0]
+            raise ModelError(f"t = {wrong:g} lies outside the run, {first:g} … {last:g}")
+        modes, values, other, part = self._between(when, side)
         found = {
-            name: _column(self.system, self.p, name, when, modes, values)
+            name: column(self.system, self.p, name, when, modes, values, other, part)
             for name in (*self.system.units, *self.system.outputs)
         }
         found["mode"] = np.array(list(self.system.modes), dtype=object)[modes]
@@ -193,12 +176,44 @@ class Run:
             key: value.tolist()[0] if np.ndim(t) == 0 else value for key, value in found.items()
         }
 
+    def _between(self, when: np.ndarray, side: str) -> tuple[np.ndarray, ...]:
+        """Modes, values, other modes and their parts at times inside the run, from its pieces."""
+        modes = np.full(when.shape, self.mode_index[-1])
+        values = np.repeat(self.values[-1:], len(when), axis=0)
+        other, part = np.full(when.shape, -1), np.zeros(when.shape)
+        pieces = self._pieces
+        if not len(pieces):
+            return modes, values, other, part
+        index = np.searchsorted(pieces[:, 0], when, side="right" if side == "after" else "left") - 1
+        inside = when < self.t[-1]
+        if side == "before":
+            inside = index >= 0  # before the first instant there is only the start itself
+            modes[~inside], values[~inside] = self.mode_index[0], self.values[0]
+        piece = pieces[index[inside]]
+        theta = ((when[inside] - piece[:, 0]) / piece[:, 1])[:, None]
+        modes[inside], other[inside] = piece[:, 2], piece[:, 3]
+        behind = piece.shape[1] - len(self.system.held)
+        width = values.shape[1] - len(self.system.held)
+        degree = (behind - 4) // width - 1  # not reshape(…, -1, …): there may be no piece
+        coefficients = piece[:, 4:behind].reshape(len(piece), degree + 1, width)
+        y, slope = np.zeros((2, len(piece), width))
+        for k in range(degree, -1, -1):
+            slope = slope * theta + y
+            y = y * theta + coefficients[:, k]
+        values[inside] = np.hstack([y, piece[:, behind:]])
+        for k in np.flatnonzero(other[inside] >= 0):
+            i = np.flatnonzero(inside)[k]
+            rates = slope[k] / piece[k, 1]
+            part[i] = _part(self.system, self.p, when[i], modes[i], other[i], values[i], rates)
+        return modes, values, other, part
+
     def ledger(self) -> str:
-        """print(run.ledger()): events and touched limits, one a line, and why the run ended."""
+        """print(run.ledger()): events and touched limits, one a line, why the run ended, notes."""
         return "\n".join(
             [
                 *map(str, sorted([*self.events, *self.touches], key=lambda line: line.t)),
                 f"{self.t[-1]:12.6f}  {self.stopped}",
+                *(f"{'note':>12}  {note}" for note in self.notes),
             ]
         )
 
@@ -212,9 +227,9 @@ class Run:
         }
 
     def to_csv(self, path: str | os.PathLike) -> Path:
-        """run.to_csv("ball.csv") -> path. UTF-8, a header with units, numbers that read back to the same bits.
+        """run.to_csv("ball.csv") -> path: UTF-8, a header with units, numbers to the last bit.
 
-        The file is written whole or not at all. Raises ModelError when it cannot be written; the run is not touched.
+        The file is written whole or not at all. Raises ModelError when it cannot be written.
         """
         columns = self.columns()
         text = io.StringIO(newline="")
@@ -233,7 +248,10 @@ class Run:
         return _write(path, text.getvalue().encode())
 
     def to_npz(self, path: str | os.PathLike) -> Path:
-        """run.to_npz("ball.npz") -> path. All columns, parameters and the ledger; `load_npz` reads it back exactly."""
+        """run.to_npz("ball.npz") -> path: columns, parameters and the ledger, for `load_npz`.
+
+        The file is written whole or not at all. Raises ModelError when it cannot be written.
+        """
         data = io.BytesIO()
         parameters = {
             f"p.{name}": value for name, value in zip(self.p._fields, self.p, strict=True)
@@ -246,12 +264,13 @@ class Run:
         return _write(path, data.getvalue())
 
     def to_frame(self):
-        """run.to_frame() -> pandas.DataFrame of all columns. Raises ModelError when pandas is not installed."""
+        """run.to_frame() -> pandas.DataFrame of all columns; ModelError without pandas."""
         try:
             import pandas
         except ImportError:
             raise ModelError(
-                "a data frame needs pandas: pip install pandas (run.to_csv and run.columns() work without)"
+                "a data frame needs pandas: pip install pandas "
+                "(run.to_csv and run.columns() work without)"
             ) from None
         return pandas.DataFrame(self.columns())
 
@@ -259,103 +278,91 @@ class Run:
         return len(self.t)
 
     def __repr__(self) -> str:
-        return f"Run of {self.system.name!r}: t = {self.t[0]:g} … {self.t[-1]:g} {self.system.time}, {len(self)} samples, {len(self.events)} events, {self.stopped}"
-
-
-@dataclass(frozen=True, repr=False)
-class Runs:
-    """The result of `simulate_many`: many runs as rectangular arrays, one row a run, padded at the end with NaN.
-
-    t, runs[n]   (lanes, m); mode_index (lanes, m) with −1 in the padding; runs[3] is the Run-like view of one lane
-    final        state name -> (lanes,) values at the end;  stopped: list of reasons;  events: (lanes,) number of events
-    """
-
-    system: System
-    p: list[tuple]
-    t: np.ndarray
-    mode_index: np.ndarray
-    values: np.ndarray  # (lanes, m, most states)
-    events: np.ndarray
-    stopped: list[str]
-    work: Work
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        if name in self.system.units:  # the parameters do not matter: all lanes at once
-            return _column(
-                self.system,
-                (),
-                name,
-                self.t.ravel(),
-                self.mode_index.ravel(),
-                self.values.reshape(-1, self.values.shape[2]),
-            ).reshape(self.t.shape)
-        return np.array(
-            [
-                _column(self.system, p, name, t, m, v)
-                for p, t, m, v in zip(self.p, self.t, self.mode_index, self.values, strict=True)
-            ]
-        )
-
-    def __iter__(self) -> Iterator[dict[str, np.ndarray]]:
-        """for lane in runs: lane["t"], lane["mode_index"], lane["x"] … without the padding."""
-        for p, t, m, v in zip(self.p, self.t, self.mode_index, self.values, strict=True):
-            k = m >= 0
-            yield {
-                "t": t[k],
-                "mode_index": m[k],
-                **{n: _column(self.system, p, n, t[k], m[k], v[k]) for n in self.system.units},
-            }
-
-    @property
-    def final(self) -> dict[str, np.ndarray]:
-        last = (self.mode_index >= 0).sum(axis=1) - 1
-        lanes = np.arange(len(self))
-        t, modes, values = (
-            self.t[lanes, last],
-            self.mode_index[lanes, last],
-            self.values[lanes, last],
-        )
-        return {
-            name: _column(self.system, (), name, t, modes, values) for name in self.system.units
-        }
-
-    def __repr__(self) -> str:
+        notes = f"; note: {self.notes[0]}{', …' * (len(self.notes) > 1)}" if self.notes else ""
         return (
-            f"Runs of {self.system.name!r}: {len(self)} runs, up to {self.t.shape[1]} samples each"
+            f"Run of {self.system.name!r}: t = {self.t[0]:g} … {self.t[-1]:g} {self.system.time}, "
+            f"{len(self)} samples, {len(self.events)} events, {self.stopped}"
+            f"{notes}"
         )
 
 
-def _column(
-    system: System, p: tuple, name: str, t: np.ndarray, modes: np.ndarray, values: np.ndarray
+def column(
+    system: System,
+    p: tuple,
+    name: str,
+    t: np.ndarray,
+    modes: np.ndarray,
+    values: np.ndarray,
+    other: np.ndarray | None = None,
+    part: np.ndarray | None = None,
 ) -> np.ndarray:
-    """One state or output over samples of mixed modes; NaN where the mode does not have it."""
-    result = np.full(len(t), np.nan)
-    keys = list(system.modes)
+    """A state, held variable or output (m,) over samples of mixed modes; NaN where a mode has none.
+
+    While sliding (other ≥ 0) an output is the mixture (1 − part)·(the mode's) + part·(the other's).
+    Raises ModelError for an unknown name.
+    """
     if name not in system.units and name not in system.outputs:
         raise ModelError(
-            f"{name!r} is neither a state nor an output of {system.name!r}; there are {listed([*system.units, *system.outputs])}"
+            f"{name!r} is neither a state nor an output of {system.name!r}; "
+            f"there are {listed([*system.units, *system.outputs])}"
         )
-    for index, key in enumerate(keys):
+    result = np.full(len(t), np.nan)
+    for index, key in enumerate(system.modes):
         here = np.flatnonzero(modes == index)
+        places = system.places(key)
         if not len(here):
             continue
-        names = system.states_of(key)
-        if name in names and len(here) == len(t):
-            return values[:, names.index(name)].copy()
-        if name in names:
-            result[here] = values[here, names.index(name)]
+        if name in places and len(here) == len(t):
+            return values[:, places[name]].copy()
+        if name in places:
+            result[here] = values[here, places[name]]
         elif name in system.outputs:
-            function = system.outputs[name].function
-            function = function.get(key) if isinstance(function, Mapping) else function
-            if function is not None:
-                kind = system.S[key]
-                result[here] = [
-                    function(t[i], kind(*values[i, : len(names)].tolist()), p) for i in here
-                ]
+            result[here] = _output(system, p, name, key, t, values, here)
+    if name in system.outputs and other is not None:
+        for index, key in enumerate(system.modes):
+            here = np.flatnonzero(other == index)
+            theirs = _output(system, p, name, key, t, values, here)
+            result[here] += part[here] * (theirs - result[here])
     return result
+
+
+def _output(
+    system: System,
+    p: tuple,
+    name: str,
+    mode: str,
+    t: np.ndarray,
+    values: np.ndarray,
+    here: np.ndarray,
+) -> np.ndarray:
+    """The output of a mode at some of the samples; NaN when the mode has none."""
+    function = system.outputs[name].function
+    function = function.get(mode) if isinstance(function, Mapping) else function
+    if function is None:
+        return np.full(len(here), np.nan)
+    kind, places = system.S[mode], list(system.places(mode).values())
+    states = values[np.ix_(here, places)].tolist()
+    times = t[here].tolist()
+    return np.array([function(x, kind(*s), p) for x, s in zip(times, states, strict=True)])
+
+
+def _part(
+    system: System,
+    p: tuple,
+    t: float,
+    mode: int,
+    other: int,
+    values: np.ndarray,
+    rates: np.ndarray,
+) -> float:
+    """While sliding, the share λ of the other mode: rates = (1 − λ)·(mode's flow) + λ·(other's)."""
+    flows = []
+    for key in (list(system.modes)[mode], list(system.modes)[other]):
+        s = system.S[key](*values[list(system.places(key).values())].tolist())
+        flows.append(np.array(system.modes[key].flow(float(t), s, p), dtype=float))
+    apart = flows[1] - flows[0]
+    share = (rates[: len(apart)] - flows[0]) @ apart / (apart @ apart) if apart.any() else 0.0
+    return float(np.clip(share, 0.0, 1.0))
 
 
 _UMASK = os.umask(0)  # it can only be read by setting it
@@ -363,7 +370,10 @@ os.umask(_UMASK)
 
 
 def write_whole(path: str | os.PathLike, data: bytes) -> None:
-    """write_whole("a.csv", data): beside the goal, then renamed, so that a full disk or a lost share never leaves half a file. Raises OSError."""
+    """write_whole("a.csv", data): beside the goal, then renamed; raises OSError.
+
+    So a full disk or a lost share never leaves half a file.
+    """
     path, temporary = Path(path), None
     mode = (
         path.stat().st_mode if path.exists() else 0o666 & ~_UMASK
@@ -387,17 +397,22 @@ def _write(path: str | os.PathLike, data: bytes) -> Path:
         write_whole(path, data)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise ModelError(
-            f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): choose a folder that exists and that you may write to"
+            f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): "
+            "choose a folder that exists and that you may write to"
         ) from error
     return Path(path)
 
 
 def load_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
-    """load_npz("ball.npz")["y"]: the columns, "p.…", "event.…" and "stopped" that `Run.to_npz` wrote."""
+    """load_npz("ball.npz")["y"]: what `Run.to_npz` wrote; also "p.…", "event.…", "stopped".
+
+    Raises ModelError for a file that cannot be read.
+    """
     try:
         with np.load(path, allow_pickle=False) as data:
             return {key: data[key] for key in data.files}
     except (OSError, ValueError, AttributeError, TypeError) as error:  # the last two: a plain .npy
         raise ModelError(
-            f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or error}): it must be a file that run.to_npz wrote"
+            f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or error}): "
+            "it must be a file that run.to_npz wrote"
         ) from error

@@ -34,10 +34,12 @@ from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays
 from labkit.draw.sketch import CHARACTERISTICS
 from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
-from labkit.run import Event, Run, Runs, Work
+from labkit.run import Event, Run, Work
 from labkit.solve import simulate
 from matplotlib.colors import to_rgb
 from PIL import Image
+
+from .by_hand import lanes
 
 PLAIN = {"backend": "plain"}
 BOX = ((-2.0, 2.0), (-2.0, 2.0))
@@ -328,9 +330,7 @@ def test_several_runs_and_labels(ball):
 
 def test_many_lanes_are_one_line_with_gaps():
     system = linear([[0, 1], [-1, 0]])
-    t = np.array([[0, 1, 2.0], [0, 1, np.nan]])
-    runs = Runs(system, [system.values()] * 2, t, np.array([[0, 0, 0], [0, 0, -1]]), np.arange(12.0).reshape(2, 3, 2), np.zeros(2, dtype=int), ["finished"] * 2,
-                Work(0, 0, 0, 0, 0, 0.0, "hand", "hand"))
+    runs = lanes(system, np.array([0, 1, 2.0, 0, 1]), np.zeros(5, dtype=int), np.arange(10.0).reshape(5, 2), [3, 5])
     strokes = segments(time_plot(runs, "x")._curves[0][0][0].line)
     assert [len(stroke) for stroke in strokes] == [3, 2]
 

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 
 from labkit import run as run_module
 from labkit.model import OPTIONS, At, Every, Mode, ModelError, Output, Parameter, System, Transition
-from labkit.run import Event, Run, Runs, Work, load_npz
+from labkit.run import Event, Run, Work, load_npz
+
+from .by_hand import lanes
 
 
 def flow(t, s, p):
@@ -173,7 +175,7 @@ def parabola(jump=True):
                   transitions=[], outputs={"double": Output({"a": lambda t, s, p: 2 * s.x}, "m"), "all": Output(lambda t, s, p: p.k * t)})
     t = np.array([0.0, 1.0, 2.0, 2.0, 2.0, 3.0])
     values = np.array([[0.0, NAN], [1.0, NAN], [4.0, NAN], [10.0, NAN], [20.0, 0.5], [21.0, 0.5]])
-    pieces = np.array([[0.0, 1.0, 0, 0, 0, 0, 0, 1, 0], [1.0, 1.0, 0, 1, 0, 2, 0, 1, 0], [2.0, 1.0, 1, 20, 0.5, 1, 0, 0, 0]])
+    pieces = np.array([[0.0, 1.0, 0, -1, 0, 0, 0, 0, 1, 0], [1.0, 1.0, 0, -1, 1, 0, 2, 0, 1, 0], [2.0, 1.0, 1, -1, 20, 0.5, 1, 0, 0, 0]])
     events = [Event(2.0, "jump", "a", "a", {"x": 4.0}, {"x": 10.0}, 0), Event(2.0, "change", "a", "b", {"x": 10.0}, {"y": 20.0, "z": 0.5}, 1)]
     return Run(made, made.values(), t, np.array([0, 0, 0, 1, 2, 2]), np.array([0, 0, 0, 0, 1, 1]), values, events, "finished", Work(3, 0, 18, 9, 2, 0.0, "RK45", "plain"), pieces)
 
@@ -219,11 +221,12 @@ def test_run_at_many_times():
 
 def test_runs_are_padded_lanes():
     made = system(outputs={})
-    p = [made.values({"k": k}) for k in (1, 2)]
-    runs = Runs(made, p, np.array([[0, 1, 2], [0, 1, NAN]]), np.array([[0, 0, 1], [0, 0, -1]]), np.array([[[0.0], [1], [2]], [[5], [6], [NAN]]]), np.array([1, 0]), ["finished"] * 2, parabola().work)
+    runs = lanes(made, np.array([0, 1, 2, 0, 1.0]), np.array([0, 0, 1, 0, 0]), np.array([[0.0], [1], [2], [5], [6]]), [3, 5])
     np.testing.assert_array_equal(runs["x"], [[0, 1, 2], [5, 6, NAN]])
+    np.testing.assert_array_equal(runs.t, [[0, 1, 2], [0, 1, NAN]])
+    np.testing.assert_array_equal(runs.mode_index, [[0, 0, 1], [0, 0, -1]])
     np.testing.assert_array_equal(runs.final["x"], [2, 6])
-    assert [lane["t"].tolist() for lane in runs] == [[0, 1, 2], [0, 1]] and len(runs) == 2 and "2 runs" in repr(runs)
+    assert [lane.t.tolist() for lane in runs] == [[0, 1, 2], [0, 1]] and len(runs) == 2 and "2 runs" in repr(runs)
 
 
 # ---- export
@@ -232,7 +235,7 @@ def test_runs_are_padded_lanes():
 def with_values(values, stopped="finished"):
     run = parabola()
     m = len(values)
-    return Run(run.system, run.p, np.arange(m) / 3, np.arange(m), np.zeros(m, dtype=int), np.column_stack([values, np.full(m, NAN)]), [], stopped, run.work, np.empty((0, 9)))
+    return Run(run.system, run.p, np.arange(m) / 3, np.arange(m), np.zeros(m, dtype=int), np.column_stack([values, np.full(m, NAN)]), [], stopped, run.work, np.empty((0, 10)))
 
 
 @settings(max_examples=40)

@@ -14,7 +14,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from ..model import ModelError
-from ..run import Run, Runs
+from ..run import Run
+from ..runs import Runs
 from .figure import DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
 from .plane import GRID, Limits, Plane, contour, find_equilibria
 from .time import _jumps, _segments
@@ -33,7 +34,9 @@ class Layer(View):
 
     @property
     def limits(self) -> Limits:
-        return tuple(sorted(map(float, self.axes.get_xlim()))), tuple(sorted(map(float, self.axes.get_ylim())))  # type: ignore[return-value]
+        return tuple(sorted(map(float, self.axes.get_xlim()))), tuple(
+            sorted(map(float, self.axes.get_ylim()))
+        )  # type: ignore[return-value]
 
     @property
     def shape(self) -> float:
@@ -67,14 +70,33 @@ class DirectionField(Layer):
     def __init__(self, axes: Axes, plane: Plane, points: int = 15):
         super().__init__(axes, plane)
         self.points = points
-        self.lines = [self._add(Line2D([], [], color=self._mode_color(mode), linewidth=0.8, alpha=0.55, zorder=1.2, solid_joinstyle="miter")) for mode in plane.modes]
+        self.lines = [
+            self._add(
+                Line2D(
+                    [],
+                    [],
+                    color=self._mode_color(mode),
+                    linewidth=0.8,
+                    alpha=0.55,
+                    zorder=1.2,
+                    solid_joinstyle="miter",
+                )
+            )
+            for mode in plane.modes
+        ]
         self.redo()
 
     def redo(self) -> None:
         rows = self.points
         columns = min(max(round(rows * self.shape), 5), 60)
         (x0, x1), (y0, y1) = self.limits
-        X, Y = (a.ravel() for a in np.meshgrid(x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0), y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0)))
+        X, Y = (
+            a.ravel()
+            for a in np.meshgrid(
+                x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0),
+                y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0),
+            )
+        )
         governing = self.plane.governing(X, Y)
         for i, (mode, line) in enumerate(zip(self.plane.modes, self.lines, strict=True)):
             here = governing == i
@@ -95,8 +117,12 @@ class DirectionField(Layer):
             barb = 0.28
             left, right = (tip - barb * way + side * 0.6 * barb * across for side in (1, -1))
             up = np.full_like(tip, np.nan)
-            strokes = np.stack([tail, tip, up, left, tip, right, up], axis=1).reshape(-1, 2)  # nothing is drawn twice: Agg would darken it
-            line.set_data(x0 + strokes[:, 0] / self.shape * (x1 - x0), y0 + strokes[:, 1] * (y1 - y0))
+            strokes = np.stack([tail, tip, up, left, tip, right, up], axis=1).reshape(
+                -1, 2
+            )  # nothing is drawn twice: Agg would darken it
+            line.set_data(
+                x0 + strokes[:, 0] / self.shape * (x1 - x0), y0 + strokes[:, 1] * (y1 - y0)
+            )
 
 
 class Nullclines(Layer):
@@ -106,7 +132,12 @@ class Nullclines(Layer):
         super().__init__(axes, plane)
         self.points = points
         looks = ((0, (1.2, 1.6)), (0, (6, 1.8, 1.2, 1.8)))
-        self.lines = [self._add(Line2D([], [], color=INK, linewidth=1.1, alpha=0.75, linestyle=look, zorder=2)) for look in looks]
+        self.lines = [
+            self._add(
+                Line2D([], [], color=INK, linewidth=1.1, alpha=0.75, linestyle=look, zorder=2)
+            )
+            for look in looks
+        ]
         self.redo()
 
     def redo(self) -> None:
@@ -116,14 +147,34 @@ class Nullclines(Layer):
                 continue
             values = self.plane.flow_on_grid(mode, self.limits, self.points)
             for k in (0, 1):
-                curves[k].extend(contour(lambda x, y, k=k, mode=mode: self.plane.flow(mode, x, y)[k], self.limits, self.points, values[k],
-                                         keep=lambda x, y, i=i: self.plane.governing(x, y) == i))
+                curves[k].extend(
+                    contour(
+                        lambda x, y, k=k, mode=mode: self.plane.flow(mode, x, y)[k],
+                        self.limits,
+                        self.points,
+                        values[k],
+                        keep=lambda x, y, i=i: self.plane.governing(x, y) == i,
+                    )
+                )
         for line, found in zip(self.lines, curves, strict=True):
             line.set_data(*_strung(found))
 
     def legend(self) -> list[tuple[Artist, str]]:
         names = [rf"d{symbol(name)}/d$t$ = 0" for name in (self.plane.x, self.plane.y)]
-        return [(Line2D([], [], color=INK, linewidth=1.1, alpha=0.75, linestyle=line._unscaled_dash_pattern), name) for line, name in zip(self.lines, names, strict=True)]
+        return [
+            (
+                Line2D(
+                    [],
+                    [],
+                    color=INK,
+                    linewidth=1.1,
+                    alpha=0.75,
+                    linestyle=line._unscaled_dash_pattern,
+                ),
+                name,
+            )
+            for line, name in zip(self.lines, names, strict=True)
+        ]
 
 
 class Equilibria(Layer):
@@ -131,13 +182,37 @@ class Equilibria(Layer):
 
     def __init__(self, axes: Axes, plane: Plane, words: int = 8):
         super().__init__(axes, plane)
-        look = {"linestyle": "none", "zorder": 6, "markersize": 8, "markeredgecolor": INK, "markeredgewidth": 1.4}
-        marks = (("stable", "o", INK), ("unstable", "o", "white"), ("centre", "o", "#B5B5B5"), ("saddle", "X", "white"), ("", "s", "white"))
-        self.marks = {kind: self._add(Line2D([], [], marker=marker, markerfacecolor=face, **look)) for kind, marker, face in marks}  # type: ignore[arg-type]
+        look = {
+            "linestyle": "none",
+            "zorder": 6,
+            "markersize": 8,
+            "markeredgecolor": INK,
+            "markeredgewidth": 1.4,
+        }
+        marks = (
+            ("stable", "o", INK),
+            ("unstable", "o", "white"),
+            ("centre", "o", "#B5B5B5"),
+            ("saddle", "X", "white"),
+            ("", "s", "white"),
+        )
+        self.marks = {
+            kind: self._add(Line2D([], [], marker=marker, markerfacecolor=face, **look))
+            for kind, marker, face in marks
+        }  # type: ignore[arg-type]
         self.words: list[Any] = []
         self._said: dict[int, tuple] = {}  # what the words say, where
         for _ in range(words):
-            text = axes.annotate("", (0, 0), xytext=(9, 9), textcoords="offset points", fontsize=9.5, zorder=7, bbox=VEIL, annotation_clip=True)
+            text = axes.annotate(
+                "",
+                (0, 0),
+                xytext=(9, 9),
+                textcoords="offset points",
+                fontsize=9.5,
+                zorder=7,
+                bbox=VEIL,
+                annotation_clip=True,
+            )
             text.set_in_layout(False)
             self.words.append(text)
         self.artists += self.words
@@ -147,15 +222,30 @@ class Equilibria(Layer):
         (x0, x1), (y0, y1) = limits = self.limits
         self.found = find_equilibria(self.plane, limits)
         for kind, mark in self.marks.items():
-            mine = [(x, y) for x, y, _, word in self.found if kind == next(k for k in self.marks if word.startswith(k))]
+            mine = [
+                (x, y)
+                for x, y, _, word in self.found
+                if kind == next(k for k in self.marks if word.startswith(k))
+            ]
             mark.set_data([x for x, _ in mine], [y for _, y in mine])
         taken: list[tuple[float, float, float, float]] = []
         for k, (text, (x, y, _, kind)) in enumerate(zip(self.words, self.found, strict=False)):
             place = f"({x:.4g}, {y:.4g})".replace("-", "−")
-            words = f"{kind}\n{place}" if len(self.found) <= 3 else kind.replace(" ", "\n", 1)  # short where the marks stand close
-            side, up = self._free_corner((x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken)
-            if self._said.get(k) != (said := (words, x, y, side, up)):  # else a picture need not be sent words that it has
-                text.set(text=words, visible=True, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top")
+            words = (
+                f"{kind}\n{place}" if len(self.found) <= 3 else kind.replace(" ", "\n", 1)
+            )  # short where the marks stand close
+            side, up = self._free_corner(
+                (x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken
+            )
+            if self._said.get(k) != (
+                said := (words, x, y, side, up)
+            ):  # else a picture need not be sent words that it has
+                text.set(
+                    text=words,
+                    visible=True,
+                    ha="left" if side > 0 else "right",
+                    va="bottom" if up > 0 else "top",
+                )
                 text.xy = (x, y)
                 text.set_position((9 * side, 7 * up))
                 self._said[k] = said
@@ -163,14 +253,22 @@ class Equilibria(Layer):
             self.words[k].set_visible(False)
             del self._said[k]
 
-    def _free_corner(self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]) -> tuple[int, int]:
+    def _free_corner(
+        self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]
+    ) -> tuple[int, int]:
         """The corner of a mark where its words meet neither the edge of the picture nor words that are there; sizes are estimates."""
         dpi = self.figure.dpi
         w, h = 0.075 * letters * dpi / self.axes.bbox.width, 0.36 * dpi / self.axes.bbox.height
-        corners = [(side, up, min(x, x + side * w), min(y, y + up * h)) for up in (1, -1) for side in (1, -1)]
+        corners = [
+            (side, up, min(x, x + side * w), min(y, y + up * h))
+            for up in (1, -1)
+            for side in (1, -1)
+        ]
 
         def clashes(a: float, b: float) -> float:
-            return 10.0 * (a < 0 or b < 0 or a + w > 1 or b + h > 1) + sum(c - w < a < c + e and abs(b - d) < 0.95 * h for c, d, e, _ in taken)
+            return 10.0 * (a < 0 or b < 0 or a + w > 1 or b + h > 1) + sum(
+                c - w < a < c + e and abs(b - d) < 0.95 * h for c, d, e, _ in taken
+            )
 
         side, up, a, b = min(corners, key=lambda corner: clashes(corner[2], corner[3]))
         taken.append((a, b, w, h))
@@ -186,14 +284,34 @@ class GuardLines(Layer):
     def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
         super().__init__(axes, plane)
         self.points = points
-        self.lines = {mode: self._add(Line2D([], [], color=self._mode_color(mode), linewidth=1.3, linestyle=(0, (5, 2.5)), zorder=2.5))
-                      for mode in plane.modes}
+        self.lines = {
+            mode: self._add(
+                Line2D(
+                    [],
+                    [],
+                    color=self._mode_color(mode),
+                    linewidth=1.3,
+                    linestyle=(0, (5, 2.5)),
+                    zorder=2.5,
+                )
+            )
+            for mode in plane.modes
+        }
         self.words = {}
         for mode in plane.modes:
             for i in plane.system.leaving[mode]:
                 if plane.system.transitions[i].guard is not None:
-                    text = axes.annotate("", (0, 0), xytext=(4, -4), textcoords="offset points", fontsize=9, zorder=6.5, bbox=VEIL,
-                                         color=self.lines[mode].get_color(), annotation_clip=True)
+                    text = axes.annotate(
+                        "",
+                        (0, 0),
+                        xytext=(4, -4),
+                        textcoords="offset points",
+                        fontsize=9,
+                        zorder=6.5,
+                        bbox=VEIL,
+                        color=self.lines[mode].get_color(),
+                        annotation_clip=True,
+                    )
                     text.set_in_layout(False)
                     self.words[mode, i] = text
         self.artists += self.words.values()
@@ -202,7 +320,9 @@ class GuardLines(Layer):
     def redo(self) -> None:
         limits, self.omitted = self.limits, []
         taken: list[tuple[float, float]] = []
-        named: list[tuple[str, list[np.ndarray]]] = []  # two modes may turn on the same line by the same name: written once
+        named: list[
+            tuple[str, list[np.ndarray]]
+        ] = []  # two modes may turn on the same line by the same name: written once
         for mode, line in self.lines.items():
             curves = []
             for i in self.plane.system.leaving[mode]:
@@ -213,14 +333,22 @@ class GuardLines(Layer):
                 if self.plane.guard_depends_on_time(transition, mode, limits):
                     self.omitted.append(transition.name)
                 else:
-                    found = contour(lambda x, y, tr=transition, mode=mode: self.plane.guard(tr, mode, x, y), limits, self.points)
+                    found = contour(
+                        lambda x, y, tr=transition, mode=mode: self.plane.guard(tr, mode, x, y),
+                        limits,
+                        self.points,
+                    )
                 curves += found
-                again = any(transition.name == name and _alike(found, others) for name, others in named)
+                again = any(
+                    transition.name == name and _alike(found, others) for name, others in named
+                )
                 named.append((transition.name, found))
                 self._name(text, transition.name, [] if again else found, taken)
             line.set_data(*_strung(curves))
 
-    def _name(self, text: Any, name: str, curves: Sequence[np.ndarray], taken: list[tuple[float, float]]) -> None:
+    def _name(
+        self, text: Any, name: str, curves: Sequence[np.ndarray], taken: list[tuple[float, float]]
+    ) -> None:
         """Puts the name beside the longest line: at the top of a steep one, at the right end of a flat one, clear of names that are there."""
         text.set_visible(bool(curves))
         if not curves:
@@ -233,13 +361,19 @@ class GuardLines(Layer):
         aim = curve[:, axis].max()
         while True:
             spot = curve[np.argmin(np.abs(curve[:, axis] - aim))]
-            if aim < curve[:, axis].min() + 0.1 or all(abs(spot[0] - a) > 0.3 or abs(spot[1] - b) > 0.06 for a, b in taken):
+            if aim < curve[:, axis].min() + 0.1 or all(
+                abs(spot[0] - a) > 0.3 or abs(spot[1] - b) > 0.06 for a, b in taken
+            ):
                 break
             aim -= 0.07 if steep else 0.25
         taken.append((float(spot[0]), float(spot[1])))
         text.xy = (x0 + spot[0] * (x1 - x0), y0 + spot[1] * (y1 - y0))
         left = spot[0] > 0.7 or (not steep and spot[0] > 0.3)
-        text.set(text=name, ha="right" if left else "left", va="top" if steep or spot[1] > 0.93 else "bottom")
+        text.set(
+            text=name,
+            ha="right" if left else "left",
+            va="top" if steep or spot[1] > 0.93 else "bottom",
+        )
         text.set_position((-5 if left else 5, -5 if steep or spot[1] > 0.93 else 4))
 
 
@@ -247,9 +381,15 @@ def _alike(some: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> bool:
     """Do two sets of curves cover the same ground, up to a mode's own part of it?"""
     if not some or not others:
         return False
-    a, b = (np.concatenate([c[np.isfinite(c).all(axis=1)] for c in curves]) for curves in (some, others))
+    a, b = (
+        np.concatenate([c[np.isfinite(c).all(axis=1)] for c in curves]) for curves in (some, others)
+    )
     size = np.maximum(np.ptp(np.concatenate([a, b]), axis=0), 1e-12)
-    flat = [int(k) for k in range(2) if np.ptp(a[:, k]) <= 1e-9 * size[k] and np.ptp(b[:, k]) <= 1e-9 * size[k]]
+    flat = [
+        int(k)
+        for k in range(2)
+        if np.ptp(a[:, k]) <= 1e-9 * size[k] and np.ptp(b[:, k]) <= 1e-9 * size[k]
+    ]
     if flat:  # straight along an axis: the same line, even where the parts differ
         return bool(abs(a[0, flat[0]] - b[0, flat[0]]) <= 1e-9 * max(1.0, abs(a[0, flat[0]])))
     return len(a) == len(b) and bool(np.allclose(a, b, rtol=0, atol=1e-6 * size))
@@ -258,24 +398,64 @@ def _alike(some: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> bool:
 class Trajectories(Layer):
     """Trajectories in the colours of their modes, with dashed jumps, dots at the starts and arrows along the way."""
 
-    def __init__(self, axes: Axes, plane: Plane, runs: Run | Runs, bold: bool = False, arrows: bool = True):
+    def __init__(
+        self, axes: Axes, plane: Plane, runs: Run | Runs, bold: bool = False, arrows: bool = True
+    ):
         super().__init__(axes, plane)
         self.runs, self.arrows = runs, arrows
         self.keys = list(plane.system.modes)
         width, z = (2.2, 5.0) if bold else (0.9, 3.0)
         alone = len(self.keys) == 1
-        self.jumps = self._add(Line2D([], [], color=INK, linewidth=1.1 if bold else 0.6, alpha=0.8 if bold else 0.5, linestyle=(0, (3, 2)), zorder=z - 0.1))
-        colors = {key: (INK if bold else color) if alone else color for key, color in self.colors.items()}
-        self.dashes = [DASHES[k % len(DASHES)] if bold else "-" for k in range(len(colors))]  # the colours of modes are alike in grey print
+        self.jumps = self._add(
+            Line2D(
+                [],
+                [],
+                color=INK,
+                linewidth=1.1 if bold else 0.6,
+                alpha=0.8 if bold else 0.5,
+                linestyle=(0, (3, 2)),
+                zorder=z - 0.1,
+            )
+        )
+        colors = {
+            key: (INK if bold else color) if alone else color for key, color in self.colors.items()
+        }
+        self.dashes = [
+            DASHES[k % len(DASHES)] if bold else "-" for k in range(len(colors))
+        ]  # the colours of modes are alike in grey print
         look = {"linewidth": width, "alpha": 1.0 if bold else 0.85, "zorder": z}
-        if isinstance(runs, Runs):  # strokes of their own: one that crosses itself a thousand times would take far longer to paint
-            made: list[Any] = [LineCollection([], colors=[color], capstyle="round", joinstyle="round", **look) for color in colors.values()]
+        if isinstance(
+            runs, Runs
+        ):  # strokes of their own: one that crosses itself a thousand times would take far longer to paint
+            made: list[Any] = [
+                LineCollection([], colors=[color], capstyle="round", joinstyle="round", **look)
+                for color in colors.values()
+            ]
         else:
-            made = [Line2D([], [], color=color, linestyle=dash, dash_capstyle="butt", **look) for color, dash in zip(colors.values(), self.dashes, strict=True)]
+            made = [
+                Line2D([], [], color=color, linestyle=dash, dash_capstyle="butt", **look)
+                for color, dash in zip(colors.values(), self.dashes, strict=True)
+            ]
         self.lines = [self._add(line) for line in made]
-        self.heads = [self._add(PathPatch(Path(np.zeros((0, 2))), facecolor=color, linewidth=0, zorder=z + 0.1)) for color in colors.values()]
-        self.starts = self._add(Line2D([], [], linestyle="none", marker="o", markersize=6 if bold else 3.2, markerfacecolor="white", markeredgecolor=INK,
-                                       markeredgewidth=1.3 if bold else 0.8, zorder=z + 0.2))
+        self.heads = [
+            self._add(
+                PathPatch(Path(np.zeros((0, 2))), facecolor=color, linewidth=0, zorder=z + 0.1)
+            )
+            for color in colors.values()
+        ]
+        self.starts = self._add(
+            Line2D(
+                [],
+                [],
+                linestyle="none",
+                marker="o",
+                markersize=6 if bold else 3.2,
+                markerfacecolor="white",
+                markeredgecolor=INK,
+                markeredgewidth=1.3 if bold else 0.8,
+                zorder=z + 0.2,
+            )
+        )
         self.size = 0.034 if bold else 0.024
         self.set(runs)
 
@@ -295,7 +475,9 @@ class Trajectories(Layer):
         self.starts.set_data(X[:, 0], Y[:, 0])
         if self.arrows:
             self._put_arrows(X, Y, modes)
-        if len(self.lines) == 1 and not modes.any() and not (t[:, 1:] == t[:, :-1]).any():  # no lane ends early, none has an event: as most of them
+        if (
+            len(self.lines) == 1 and not modes.any() and not (t[:, 1:] == t[:, :-1]).any()
+        ):  # no lane ends early, none has an event: as most of them
             self.jumps.set_data([], [])
             return self._put(self.lines[0], list(np.stack([X, Y], axis=2)))
         gap = np.full((len(X), 1), np.nan)
@@ -326,21 +508,32 @@ class Trajectories(Layer):
         inside = (x > 0) & (x < shape) & (y > 0) & (y < 1)
         step = np.where(np.isfinite(step) & inside[:, :-1], step, 0.0)
         way, shares = np.cumsum(step, axis=1), np.array([0.12, 0.45, 0.9] if len(X) < 60 else [0.2])
-        k = np.minimum((way[:, None] < shares[:, None]).sum(axis=2), step.shape[1] - 1)  # of each trajectory and share
+        k = np.minimum(
+            (way[:, None] < shares[:, None]).sum(axis=2), step.shape[1] - 1
+        )  # of each trajectory and share
         long = np.take_along_axis(step, k, axis=1)
         use = (way[:, -1:] > shares + size) & (long > 0) & (long < 0.2)
         at = np.nonzero(use)[0], k[use]
         across = np.column_stack([dx[at], dy[at]]) / step[at][:, None]
         tip = np.column_stack([x[at], y[at]]) + 0.5 * size * across
         side = 0.38 * size * np.column_stack([-across[:, 1], across[:, 0]])
-        corners = np.stack([tip, tip - size * across + side, tip - size * across - side, tip], axis=1) * [(x1 - x0) / shape, y1 - y0] + [x0, y0]
+        corners = np.stack(
+            [tip, tip - size * across + side, tip - size * across - side, tip], axis=1
+        ) * [(x1 - x0) / shape, y1 - y0] + [x0, y0]
         for i, head in enumerate(self.heads):
             mine = corners[modes[at] == i]
             head.set_path(Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
 
     def legend(self) -> list[tuple[Artist, str]]:
         looks = zip(self.colors.items(), self.dashes, strict=True)
-        return [(Line2D([], [], color=color, linewidth=1.8, linestyle=dash), mode) for (mode, color), dash in looks] if len(self.colors) > 1 else []
+        return (
+            [
+                (Line2D([], [], color=color, linewidth=1.8, linestyle=dash), mode)
+                for (mode, color), dash in looks
+            ]
+            if len(self.colors) > 1
+            else []
+        )
 
 
 _TRIANGLE = np.array([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=Path.code_type)
@@ -353,14 +546,20 @@ def _strung(curves: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([part for curve in curves for part in (curve, [[np.nan, np.nan]])]).T
 
 
-def stage(plane: Plane, axes: Axes | None, limits: Limits | None, width: float = 7.5, height: float = 5.2) -> Axes:
+def stage(
+    plane: Plane, axes: Axes | None, limits: Limits | None, width: float = 7.5, height: float = 5.2
+) -> Axes:
     """Axes for a portrait: labelled, with the limits; `limits` may be left out for axes that have theirs already."""
     for pair in limits or ():
         if len(pair) != 2 or not (np.all(np.isfinite(pair)) and pair[0] < pair[1]):
-            raise ModelError(f"limits are ((x low, x high), (y low, y high)) with low < high, not {limits!r}")
+            raise ModelError(
+                f"limits are ((x low, x high), (y low, y high)) with low < high, not {limits!r}"
+            )
     if axes is None:
         if limits is None:
-            raise ModelError("limits are missing: give limits=((x low, x high), (y low, y high)), or axes=")
+            raise ModelError(
+                "limits are missing: give limits=((x low, x high), (y low, y high)), or axes="
+            )
         axes = figure(width=width, height=height).axes[0]
     with style():
         axes.set_xlabel(label(plane.system, plane.x))
@@ -371,7 +570,18 @@ def stage(plane: Plane, axes: Axes | None, limits: Limits | None, width: float =
     return axes
 
 
-def layer(kind: type[Layer], system: Any, x: str | None, y: str | None, axes: Axes | None, limits: Limits | None, mode: str | None, t: float,
-          at: Mapping[str, float] | None, parameters: Mapping[str, float], **options: Any) -> Any:
+def layer(
+    kind: type[Layer],
+    system: Any,
+    x: str | None,
+    y: str | None,
+    axes: Axes | None,
+    limits: Limits | None,
+    mode: str | None,
+    t: float,
+    at: Mapping[str, float] | None,
+    parameters: Mapping[str, float],
+    **options: Any,
+) -> Any:
     plane = Plane(system, x, y, mode=mode, t=t, at=at, p=system.values(parameters))
     return kind(stage(plane, axes, limits), plane, **options)

@@ -28,21 +28,47 @@ class Plane:
     Raises ModelError for unknown names and when no mode has both states.
     """
 
-    def __init__(self, system: System, x: str | None = None, y: str | None = None, *, mode: str | None = None, t: float = 0.0,
-                 at: Mapping[str, float] | None = None, p: tuple | None = None):
+    def __init__(
+        self,
+        system: System,
+        x: str | None = None,
+        y: str | None = None,
+        *,
+        mode: str | None = None,
+        t: float = 0.0,
+        at: Mapping[str, float] | None = None,
+        p: tuple | None = None,
+    ):
         self.system, self.t = system, t
-        self.x, self.y = x or system.states[0], y or next((name for name in system.states if name != (x or system.states[0])), "")
+        self.x, self.y = (
+            x or system.states[0],
+            y or next((name for name in system.states if name != (x or system.states[0])), ""),
+        )
         if not self.y:
-            raise ModelError(f"a phase portrait needs two states; {system.name!r} has {listed(system.units)}")
+            raise ModelError(
+                f"a phase portrait needs two states; {system.name!r} has {listed(system.units)}"
+            )
         for name in (self.x, self.y, *(at or {})):
             if name not in system.units:
-                raise ModelError(f"{name!r} is not a state of {system.name!r}; there are {listed(system.units)}")
+                raise ModelError(
+                    f"{name!r} is not a state of {system.name!r}; there are {listed(system.units)}"
+                )
         able = [key for key in system.modes if {self.x, self.y} <= set(system.states_of(key))]
         if mode is not None and mode not in able:
-            raise ModelError(f"mode {mode!r} has no plane ({self.x}, {self.y}); modes with both states: {listed(able)}")
+            raise ModelError(
+                f"mode {mode!r} has no plane ({self.x}, {self.y}); modes with both states: {listed(able)}"
+            )
         if not able:
-            raise ModelError(f"no mode of {system.name!r} has both states {self.x!r} and {self.y!r}")
-        self.chosen = mode or (None if callable(system.mode) and len(able) > 1 else system.mode if system.mode in able else able[0])
+            raise ModelError(
+                f"no mode of {system.name!r} has both states {self.x!r} and {self.y!r}"
+            )
+        self.chosen = mode or (
+            None
+            if callable(system.mode) and len(able) > 1
+            else system.mode
+            if system.mode in able
+            else able[0]
+        )
         #: modes whose flow is shown somewhere
         self.modes = able if self.chosen is None else [self.chosen]
         self.values = {**system.start, **(at or {})}
@@ -60,9 +86,17 @@ class Plane:
         """The mode's states at their values beside the plane, and where x and y belong."""
         if mode not in self._templates:
             names = self.system.states_of(mode)
-            if missing := [name for name in names if name not in self.values and name not in (self.x, self.y)]:
-                raise ModelError(f"the portrait needs a value of {listed(missing)}: give at={{{missing[0]!r}: …}}")
-            self._templates[mode] = [self.values.get(name) for name in names], names.index(self.x), names.index(self.y)
+            if missing := [
+                name for name in names if name not in self.values and name not in (self.x, self.y)
+            ]:
+                raise ModelError(
+                    f"the portrait needs a value of {listed(missing)}: give at={{{missing[0]!r}: …}}"
+                )
+            self._templates[mode] = (
+                [self.values.get(name) for name in names],
+                names.index(self.x),
+                names.index(self.y),
+            )
         return self._templates[mode]
 
     def _state(self, mode: str, x: float | np.ndarray, y: float | np.ndarray) -> tuple:
@@ -71,7 +105,15 @@ class Plane:
         state[i], state[k] = x, y
         return self.system.S[mode](*state)
 
-    def _evaluate(self, function: Callable, mode: str, X: np.ndarray, Y: np.ndarray, width: int, t: float | None = None) -> np.ndarray:
+    def _evaluate(
+        self,
+        function: Callable,
+        mode: str,
+        X: np.ndarray,
+        Y: np.ndarray,
+        width: int,
+        t: float | None = None,
+    ) -> np.ndarray:
         """function(t, s, p) at all points -> (width, points). All points at once where the function can (and then gives the
         same as one by one, which is tried at some of them), else one by one: model functions may branch or use math.sin."""
         x, y, t = np.ravel(X).astype(float), np.ravel(Y).astype(float), self.t if t is None else t
@@ -92,21 +134,38 @@ class Plane:
             try:
                 with np.errstate(all="ignore"):
                     value = self._wide[function](t, state(mode, x, y), p)
-                    result = np.array([np.broadcast_to(np.asarray(v, dtype=float), x.shape) for v in (value if width > 1 else (value,))])
-                probe = [k * (len(x) - 1) // 6 for k in range(7)] if self._tried[function] < 20 or len(x) > 1000 else []
-                if not probe or _same(result[:, probe].T, np.array([one(i) for i in probe], dtype=float)):
+                    result = np.array(
+                        [
+                            np.broadcast_to(np.asarray(v, dtype=float), x.shape)
+                            for v in (value if width > 1 else (value,))
+                        ]
+                    )
+                probe = (
+                    [k * (len(x) - 1) // 6 for k in range(7)]
+                    if self._tried[function] < 20 or len(x) > 1000
+                    else []
+                )
+                if not probe or _same(
+                    result[:, probe].T, np.array([one(i) for i in probe], dtype=float)
+                ):
                     self._tried[function] += 1
                     return result
             except (TypeError, ValueError, AttributeError):
                 pass
         rows = np.array([one(i) for i in range(len(x))]).reshape(len(x), width).T
-        return np.where(np.imag(rows) == 0, np.real(rows), np.nan).astype(float)  # (-1.0) ** 0.5 is complex in Python
+        return np.where(np.imag(rows) == 0, np.real(rows), np.nan).astype(
+            float
+        )  # (-1.0) ** 0.5 is complex in Python
 
-    def flow(self, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def flow(
+        self, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """plane.flow("slip", X, Y) -> dx/dt, dy/dt, of the shape of X; NaN where the flow has no value."""
         names = self.system.states_of(mode)
         rates = self._evaluate(self.system.modes[mode].flow, mode, X, Y, len(names), t)
-        return rates[names.index(self.x)].reshape(np.shape(X)), rates[names.index(self.y)].reshape(np.shape(X))
+        return rates[names.index(self.x)].reshape(np.shape(X)), rates[names.index(self.y)].reshape(
+            np.shape(X)
+        )
 
     def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """As flow, on a grid of count × count points; kept for the layers that ask again."""
@@ -117,7 +176,14 @@ class Plane:
             self._kept[key] = self.flow(mode, *grid(limits, count))
         return self._kept[key]
 
-    def guard(self, transition: Transition, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None) -> np.ndarray:
+    def guard(
+        self,
+        transition: Transition,
+        mode: str,
+        X: np.ndarray,
+        Y: np.ndarray,
+        t: float | None = None,
+    ) -> np.ndarray:
         assert transition.guard is not None
         return self._evaluate(transition.guard, mode, X, Y, 1, t)[0].reshape(np.shape(X))
 
@@ -131,15 +197,25 @@ class Plane:
             kind = self.system.S[next(iter(self.system.modes))]
             place = {name: i for i, name in enumerate(self.modes)}
             rest = {name: self.values.get(name, np.nan) for name in kind._fields}
-            states = (kind(**{**rest, self.x: a, self.y: b}) for a, b in zip(x.tolist(), y.tolist(), strict=True))
-            found = np.array([place.get(self.system.mode(self.t, s, self.p), -1) for s in states], dtype=int)  # type: ignore[operator, arg-type]
+            states = (
+                kind(**{**rest, self.x: a, self.y: b})
+                for a, b in zip(x.tolist(), y.tolist(), strict=True)
+            )
+            found = np.array(
+                [place.get(self.system.mode(self.t, s, self.p), -1) for s in states], dtype=int
+            )  # type: ignore[operator, arg-type]
         else:
             found = np.zeros(len(x), dtype=int)
         size = 1 + np.maximum(np.abs(x), np.abs(y))
         for i, mode in enumerate(self.modes):
             for k in self.system.leaving[mode]:
                 tr = self.system.transitions[k]
-                if tr.guard is not None and tr.direction and not tr.urgent and (tr.target != mode or tr.reset is not None):
+                if (
+                    tr.guard is not None
+                    and tr.direction
+                    and not tr.urgent
+                    and (tr.target != mode or tr.reset is not None)
+                ):
                     beyond = tr.direction * self.guard(tr, mode, x, y) - tr.tolerance > 1e-9 * size
                     found[(found == i) & beyond] = -1
         return found.reshape(np.shape(X))
@@ -150,13 +226,25 @@ class Plane:
         for mode in self.modes:
             first = np.array(self.flow(mode, X, Y))
             for share in (0.137, 0.411, 0.773):
-                if not np.allclose(first, self.flow(mode, X, Y, self.t + share * (horizon or 10.0)), rtol=1e-9, atol=0, equal_nan=True):
+                if not np.allclose(
+                    first,
+                    self.flow(mode, X, Y, self.t + share * (horizon or 10.0)),
+                    rtol=1e-9,
+                    atol=0,
+                    equal_nan=True,
+                ):
                     return True
         return False
 
     def guard_depends_on_time(self, transition: Transition, mode: str, limits: Limits) -> bool:
         X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
-        return not np.allclose(self.guard(transition, mode, X, Y), self.guard(transition, mode, X, Y, self.t + 1.2345), rtol=1e-9, atol=0, equal_nan=True)
+        return not np.allclose(
+            self.guard(transition, mode, X, Y),
+            self.guard(transition, mode, X, Y, self.t + 1.2345),
+            rtol=1e-9,
+            atol=0,
+            equal_nan=True,
+        )
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
@@ -165,7 +253,9 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
         return bool(((a == b) | (np.abs(a - b) <= 1e-12 * np.abs(b)) | ((a != a) & (b != b))).all())
 
 
-_NUMPY = {name: getattr(np, name) for name in dir(math) if not name.startswith("_") and hasattr(np, name)}
+_NUMPY = {
+    name: getattr(np, name) for name in dir(math) if not name.startswith("_") and hasattr(np, name)
+}
 
 
 def over_arrays(function: Callable, depth: int = 4) -> Callable:
@@ -183,26 +273,43 @@ def over_arrays(function: Callable, depth: int = 4) -> Callable:
             return _NUMPY.get(value.__name__, value)
         return over_arrays(value, depth - 1) if isinstance(value, FunctionType) else value
 
-    names = {name: swapped(value) for name, value in function.__globals__.items() if name in _names_in(function.__code__)}
+    names = {
+        name: swapped(value)
+        for name, value in function.__globals__.items()
+        if name in _names_in(function.__code__)
+    }
     try:
         cells = tuple(CellType(swapped(cell.cell_contents)) for cell in function.__closure__ or ())
     except ValueError:  # a cell that is still empty
         return function
-    made = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__, function.__defaults__, cells)
+    made = FunctionType(
+        function.__code__,
+        {**function.__globals__, **names},
+        function.__name__,
+        function.__defaults__,
+        cells,
+    )
     made.__kwdefaults__ = function.__kwdefaults__
     return made
 
 
 def _names_in(code: CodeType) -> set[str]:
-    return set(code.co_names).union(*(_names_in(part) for part in code.co_consts if isinstance(part, CodeType)))
+    return set(code.co_names).union(
+        *(_names_in(part) for part in code.co_consts if isinstance(part, CodeType))
+    )
 
 
 def grid(limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(*(np.linspace(low, high, count) for low, high in limits))
 
 
-def contour(function: Callable[[np.ndarray, np.ndarray], np.ndarray], limits: Limits, count: int = GRID, values: np.ndarray | None = None,
-            keep: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> list[np.ndarray]:
+def contour(
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    limits: Limits,
+    count: int = GRID,
+    values: np.ndarray | None = None,
+    keep: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+) -> list[np.ndarray]:
     """contour(f, limits) -> the curves f(x, y) = 0 as polylines, each an array (k, 2); keep(x, y) drops points outside a region.
 
     `values` are f on the count × count grid where they are known already.
@@ -215,23 +322,37 @@ def contour(function: Callable[[np.ndarray, np.ndarray], np.ndarray], limits: Li
     good = np.isfinite(Z)
     if not good.any() or not np.any(Z[good]):
         return []
-    lines = [np.asarray(line) for line in contour_generator(X, Y, np.ma.masked_where(~good, Z)).lines(0.0)]
+    lines = [
+        np.asarray(line)
+        for line in contour_generator(X, Y, np.ma.masked_where(~good, Z)).lines(0.0)
+    ]
     if not lines:
         return []
     points = np.concatenate(lines)
-    column, row = (np.clip(((points[:, k] - low) / (high - low) * (count - 1)).astype(int), 0, count - 2) for k, (low, high) in enumerate(limits))
+    column, row = (
+        np.clip(((points[:, k] - low) / (high - low) * (count - 1)).astype(int), 0, count - 2)
+        for k, (low, high) in enumerate(limits)
+    )
     around = np.max([np.abs(Z[row + i, column + k]) for i in (0, 1) for k in (0, 1)], axis=0)
     fine = ~(np.abs(function(points[:, 0], points[:, 1])) > 0.3 * around)
     if keep is not None:
         fine &= keep(points[:, 0], points[:, 1])
     kept = []
-    for line, use in zip(lines, np.split(fine, np.cumsum([len(line) for line in lines])[:-1]), strict=True):
+    for line, use in zip(
+        lines, np.split(fine, np.cumsum([len(line) for line in lines])[:-1]), strict=True
+    ):
         cuts = np.flatnonzero(np.diff(use.astype(int))) + 1
-        kept += [part for part, whole in zip(np.split(line, cuts), np.split(use, cuts), strict=True) if whole[0] and len(part) > 1]
+        kept += [
+            part
+            for part, whole in zip(np.split(line, cuts), np.split(use, cuts), strict=True)
+            if whole[0] and len(part) > 1
+        ]
     return kept
 
 
-def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> list[tuple[float, float, str, str]]:
+def find_equilibria(
+    plane: Plane, limits: Limits, tolerance: float = 1e-7
+) -> list[tuple[float, float, str, str]]:
     """find_equilibria(plane, limits) -> [(x, y, mode, type in words), …] inside the limits, sorted; of plane modes only.
 
     Newton's method from a 3 × 3 grid and from every cell where both rates change sign, all at once; a root counts when
@@ -251,15 +372,24 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
 
         def rates(u: np.ndarray, mode: str = mode, scale: np.ndarray = scale) -> np.ndarray:
             """Both rates, relative to their largest, at places u (…, 2) in units of the picture."""
-            return np.stack(plane.flow(mode, x0 + u[..., 0] * size[0], y0 + u[..., 1] * size[1]), axis=-1) / scale
+            return (
+                np.stack(
+                    plane.flow(mode, x0 + u[..., 0] * size[0], y0 + u[..., 1] * size[1]), axis=-1
+                )
+                / scale
+            )
 
         both = _changes_sign(F) & _changes_sign(G)
-        seeds = [((k + 0.5) / (GRID - 1), (i + 0.5) / (GRID - 1)) for i, k in np.argwhere(both)][:40] + [(a, b) for a in (0.2, 0.5, 0.8) for b in (0.2, 0.5, 0.8)]
+        seeds = [((k + 0.5) / (GRID - 1), (i + 0.5) / (GRID - 1)) for i, k in np.argwhere(both)][
+            :40
+        ] + [(a, b) for a in (0.2, 0.5, 0.8) for b in (0.2, 0.5, 0.8)]
         roots = _newton(rates, np.array(seeds))
         offs = np.abs(rates(roots)).max(axis=1)
         mine: list[np.ndarray] = []
         for u in roots[np.argsort(offs)][: (offs < 1e-9).sum()]:  # of equals, the best one
-            if not np.all((u >= -1e-9) & (u <= 1 + 1e-9)) or any(np.abs(u - other).max() < 1e-4 for other in mine):
+            if not np.all((u >= -1e-9) & (u <= 1 + 1e-9)) or any(
+                np.abs(u - other).max() < 1e-4 for other in mine
+            ):
                 continue
             x, y = x0 + u[0] * size[0], y0 + u[1] * size[1]
             if plane.governing(np.array([x]), np.array([y]))[0] != index:
@@ -267,18 +397,32 @@ def find_equilibria(plane: Plane, limits: Limits, tolerance: float = 1e-7) -> li
             mine.append(u)
             J = _jacobian(rates, u[None], 1e-3)[1][0]
             along = J[np.abs(J).max(axis=1).argmax(), ::-1] * (1, -1)  # along a nullcline
-            if along.any() and np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9:
+            if (
+                along.any()
+                and np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9
+            ):
                 continue  # one of a whole line of equilibria, which the nullclines show
             A = J * scale[:, None] / size[None, :]
             kind = classify(A, tolerance) if np.all(np.isfinite(A)) else "equilibrium"
             near = 1e-9 * size  # 3e-17 reads as 0
-            found.append((0.0 if abs(x) < near[0] else float(x), 0.0 if abs(y) < near[1] else float(y), mode, kind))
+            found.append(
+                (
+                    0.0 if abs(x) < near[0] else float(x),
+                    0.0 if abs(y) < near[1] else float(y),
+                    mode,
+                    kind,
+                )
+            )
     return sorted(found)
 
 
-def _jacobian(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+def _jacobian(
+    f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray]:
     """f: (…, 2) -> (…, 2) at u (n, 2), and its Jacobian (n, 2, 2) by five-point differences; all in one call of f."""
-    values = f(u[:, None, None] + h * np.arange(-2, 3)[:, None] * np.eye(2)[:, None])  # (n, axis, 5, 2)
+    values = f(
+        u[:, None, None] + h * np.arange(-2, 3)[:, None] * np.eye(2)[:, None]
+    )  # (n, axis, 5, 2)
     return values[:, 0, 2], np.einsum("k,nakf->nfa", np.array([1, -8, 0, 8, -1]) / (12 * h), values)
 
 
@@ -292,14 +436,21 @@ def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 4
     for _ in range(steps):
         with np.errstate(all="ignore"):
             r, J = _jacobian(f, u, 1e-4)
-            lost = ~(np.abs(J) < 1e100).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1) | (np.abs(u - 0.5) > 1.5).any(axis=1)  # out of sight, or without a value
+            lost = (
+                ~(np.abs(J) < 1e100).all(axis=(1, 2))
+                | ~np.isfinite(r).all(axis=1)
+                | (np.abs(u - 0.5) > 1.5).any(axis=1)
+            )  # out of sight, or without a value
         J[lost], r[lost] = np.eye(2), 0.0
         rows = np.abs(J).max(axis=2)
         rows[rows == 0] = 1.0  # both rates count alike, however much they differ in size
         way = -np.einsum("nij,nj->ni", np.linalg.pinv(J / rows[:, :, None], rcond=1e-12), r / rows)
         length = np.abs(way).max(axis=1, keepdims=True)
         double = np.abs(length / np.where(before > 0, before, np.nan) - 0.5) < 0.02
-        u, before = u + way * np.where(double, 2.0, 1.0 / np.maximum(1.0, 4 * length)), np.where(double, np.nan, length)
+        u, before = (
+            u + way * np.where(double, 2.0, 1.0 / np.maximum(1.0, 4 * length)),
+            np.where(double, np.nan, length),
+        )
         if length.max() < 1e-8:  # the error left is about the square of it
             break
     return np.where(length < 1e-6, u, np.nan)

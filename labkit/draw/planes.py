@@ -26,10 +26,33 @@ __all__ = ["Planes", "arrow_heads", "flow_lines", "planes"]
 
 Parts = Callable[[tuple], tuple[np.ndarray, Similarity]]
 #: a letter F, since no turn makes it its mirror image; for a picture that reaches from −6 to 6
-FLAG = np.array([(0, 0), (0, 2), (1.2, 2), (1.2, 1.65), (0.4, 1.65), (0.4, 1.25), (0.9, 1.25), (0.9, 0.9), (0.4, 0.9), (0.4, 0)]) + 0.5
+FLAG = (
+    np.array(
+        [
+            (0, 0),
+            (0, 2),
+            (1.2, 2),
+            (1.2, 1.65),
+            (0.4, 1.65),
+            (0.4, 1.25),
+            (0.9, 1.25),
+            (0.9, 0.9),
+            (0.4, 0.9),
+            (0.4, 0),
+        ]
+    )
+    + 0.5
+)
 
 
-def planes(run: Run, parts: Parts, reach: float | tuple[float, float] = 4.0, axes: tuple[Axes, Axes] | None = None, width: float = 9.5, height: float = 4.9) -> Planes:
+def planes(
+    run: Run,
+    parts: Parts,
+    reach: float | tuple[float, float] = 4.0,
+    axes: tuple[Axes, Axes] | None = None,
+    width: float = 9.5,
+    height: float = 4.9,
+) -> Planes:
     """planes(run, parts) -> Planes: trajectories, lattice, a letter F and the eigenvectors in z, and their images under S in s.
 
     run     of a linear model; drawn bold in both planes
@@ -43,9 +66,19 @@ def planes(run: Run, parts: Parts, reach: float | tuple[float, float] = 4.0, axe
 class Planes(View):
     """The picture made by `planes`; view.axes are the two. See View for update, artists and relimited."""
 
-    def __init__(self, run: Run, parts: Parts, reach: float | tuple[float, float], axes: tuple[Axes, Axes] | None, width: float, height: float):
+    def __init__(
+        self,
+        run: Run,
+        parts: Parts,
+        reach: float | tuple[float, float],
+        axes: tuple[Axes, Axes] | None,
+        width: float,
+        height: float,
+    ):
         self.parts, self.system = parts, run.system
-        self.reach = (float(reach),) * 2 if isinstance(reach, int | float) else tuple(map(float, reach))
+        self.reach = (
+            (float(reach),) * 2 if isinstance(reach, int | float) else tuple(map(float, reach))
+        )
         self.axes = tuple(figure(1, 2, width, height).axes) if axes is None else axes
         self.figure = self.axes[0].get_figure()
         self._sides = [_Side(ax) for ax in self.axes]
@@ -55,7 +88,11 @@ class Planes(View):
         Lambda = self.parts(run.p)[0]
         single = eigenlines(Lambda) and not _star(Lambda)
         with style():
-            head(self.axes[0], "z-plane: canonical", [(self._sides[0].eigen, "eigenvectors")] if single else [])
+            head(
+                self.axes[0],
+                "z-plane: canonical",
+                [(self._sides[0].eigen, "eigenvectors")] if single else [],
+            )
             head(self.axes[1], "s-plane: through S", [(self._sides[1].run, "simulated")])
             self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
             self.axes[1].set(xlabel=symbol(first), ylabel=symbol(second))
@@ -67,19 +104,39 @@ class Planes(View):
     def update(self, run: Run) -> None:
         A, b = affine(run.system, run.p)
         Lambda, (S, inverse) = self.parts(run.p)
-        if np.abs(S @ Lambda @ inverse - A).max() > 1e-9 * max(1.0, float(np.abs(A).max())) * max(1.0, float(np.abs(S).max())) ** 2:
-            raise ModelError(f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of {run.system.name!r}, {A.round(6).tolist()}: check the parts")
+        if (
+            np.abs(S @ Lambda @ inverse - A).max()
+            > 1e-9 * max(1.0, float(np.abs(A).max())) * max(1.0, float(np.abs(S).max())) ** 2
+        ):
+            raise ModelError(
+                f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of {run.system.name!r}, {A.round(6).tolist()}: check the parts"
+            )
         rest = equilibrium(A, b)
         curves, arrows = flow_lines(np.asarray(Lambda, dtype=float), self.reach[0])
         with np.errstate(invalid="ignore", over="ignore"):  # a run that diverged
             own = ((run.values[:, :2] - rest) @ inverse.T, run.values[:, :2])
-        for side, reach, T, origin, path in zip(self._sides, self.reach, (np.eye(2), S), (np.zeros(2), rest), own, strict=True):
-            side.set(T, origin, np.asarray(Lambda, dtype=float), curves, arrows, path, reach, self.reach[0] / 6)
+        for side, reach, T, origin, path in zip(
+            self._sides, self.reach, (np.eye(2), S), (np.zeros(2), rest), own, strict=True
+        ):
+            side.set(
+                T,
+                origin,
+                np.asarray(Lambda, dtype=float),
+                curves,
+                arrows,
+                path,
+                reach,
+                self.reach[0] / 6,
+            )
         half = self.reach[1] / 2
-        self.relimited = self._center is None or bool(np.abs(rest - self._center).max() > half)  # seldom: it costs a new still part
+        self.relimited = self._center is None or bool(
+            np.abs(rest - self._center).max() > half
+        )  # seldom: it costs a new still part
         if self.relimited:
             self._center = half * np.round(rest / half)
-            for ax, reach, (x, y) in zip(self.axes, self.reach, ((0.0, 0.0), self._center), strict=True):
+            for ax, reach, (x, y) in zip(
+                self.axes, self.reach, ((0.0, 0.0), self._center), strict=True
+            ):
                 ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
 
 
@@ -91,16 +148,47 @@ class _Side:
             return ax.add_line(Line2D([], [], **look))  # type: ignore[arg-type]
 
         self.lattice = line(color=tint(COLORS[5], 0.45), linewidth=0.7, zorder=1)
-        self.flag = ax.add_patch(Polygon(FLAG, closed=True, facecolor=tint(COLORS[4], 0.55), edgecolor="none", zorder=1.2))
+        self.flag = ax.add_patch(
+            Polygon(
+                FLAG, closed=True, facecolor=tint(COLORS[4], 0.55), edgecolor="none", zorder=1.2
+            )
+        )
         self.curves = line(color=COLORS[0], linewidth=1.0, zorder=2)
         self.arrows = line(color=COLORS[0], linewidth=1.4, zorder=2.1)
         self.eigen = line(color=COLORS[1], linewidth=2.0, linestyle=(0, (6, 2)), zorder=2.2)
         self.run = line(color=INK, linewidth=2.2, zorder=3)
-        self.start = line(color=INK, marker="o", markersize=7, markerfacecolor="white", markeredgewidth=1.6, linestyle="none", zorder=3.2)
+        self.start = line(
+            color=INK,
+            marker="o",
+            markersize=7,
+            markerfacecolor="white",
+            markeredgewidth=1.6,
+            linestyle="none",
+            zorder=3.2,
+        )
         self.rest = line(color=INK, marker="o", markersize=6, linestyle="none", zorder=3.1)
-        self.artists = [self.lattice, self.flag, self.curves, self.arrows, self.eigen, self.run, self.rest, self.start]
+        self.artists = [
+            self.lattice,
+            self.flag,
+            self.curves,
+            self.arrows,
+            self.eigen,
+            self.run,
+            self.rest,
+            self.start,
+        ]
 
-    def set(self, T: np.ndarray, origin: np.ndarray, Lambda: np.ndarray, curves: np.ndarray, arrows: np.ndarray, path: np.ndarray, reach: float, unit: float) -> None:
+    def set(
+        self,
+        T: np.ndarray,
+        origin: np.ndarray,
+        Lambda: np.ndarray,
+        curves: np.ndarray,
+        arrows: np.ndarray,
+        path: np.ndarray,
+        reach: float,
+        unit: float,
+    ) -> None:
         def show(line: Line2D, points: np.ndarray) -> None:
             line.set_data(*(points @ T.T + origin).T)
 
@@ -110,7 +198,12 @@ class _Side:
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
         self.arrows.set_data(*(arrow_heads(at, way, 0.05 * reach) + origin).T)
         lines = [] if _star(Lambda) else [v for _, v in eigenlines(Lambda)]
-        show(self.eigen, np.concatenate([np.outer((-1e3, 1e3, np.nan), v) for v in lines]) if lines else np.zeros((0, 2)))
+        show(
+            self.eigen,
+            np.concatenate([np.outer((-1e3, 1e3, np.nan), v) for v in lines])
+            if lines
+            else np.zeros((0, 2)),
+        )
         self.run.set_data(*path.T)
         self.start.set_data(*path[:1].T)
         self.rest.set_data(*origin[:, None])
@@ -122,7 +215,11 @@ def _star(Lambda: np.ndarray) -> bool:
 
 def _lattice(space: float) -> np.ndarray:
     """Lines z1 = k·space and z2 = k·space, k = −9 … 9, with NaN between them."""
-    k, far, up = space * np.arange(-9, 10.0), space * np.array([-9, 9, np.nan]), np.array([1, 1, np.nan])
+    k, far, up = (
+        space * np.arange(-9, 10.0),
+        space * np.array([-9, 9, np.nan]),
+        np.array([1, 1, np.nan]),
+    )
     level = np.stack([np.broadcast_to(far, (19, 3)), np.outer(k, up)], axis=2).reshape(-1, 2)
     return np.concatenate([level, level[:, ::-1]])
 
@@ -135,24 +232,36 @@ def flow_lines(A: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """
     a, square = np.trace(A) / 2, (A[0, 0] - A[1, 1]) ** 2 / 4 + A[0, 1] * A[1, 0]
     turns = np.sqrt(max(-square, 0.0))  # rad/s
-    values = a + np.sqrt(max(square, 0.0)) * np.array([1, -1])  # the eigenvalues, or their real part
+    values = a + np.sqrt(max(square, 0.0)) * np.array(
+        [1, -1]
+    )  # the eigenvalues, or their real part
     if turns > 50 * abs(a):  # closed, or nearly: half a turn each way
         starts = reach * np.column_stack([np.linspace(0.15, 1.35, 9), np.zeros(9)])
         t = np.linspace(-1, 1, 121) * np.pi / turns
     else:
-        count = int(np.clip(2 * np.pi * abs(a) / turns / 0.24, 1, 10)) if turns else 16  # arms of a spiral, a quarter apart
+        count = (
+            int(np.clip(2 * np.pi * abs(a) / turns / 0.24, 1, 10)) if turns else 16
+        )  # arms of a spiral, a quarter apart
         angle = (np.arange(count) + 0.5) * 2 * np.pi / count
         starts = 0.62 * reach * np.column_stack([np.cos(angle), np.sin(angle)])
         if turns:
-            t = np.linspace(*sorted((1.2 / a, -3.0 / a)), int(40 * 4.2 * turns / (2 * np.pi * abs(a))) + 80)
+            t = np.linspace(
+                *sorted((1.2 / a, -3.0 / a)), int(40 * 4.2 * turns / (2 * np.pi * abs(a))) + 80
+            )
         else:
-            slowest = max(np.abs(values).min(), np.linalg.norm(A) / 200) or 1.0  # an eigenvalue may be 0
-            t = np.linspace(-1, 1, 91) ** 3 * 4.5 / slowest  # closely spaced near the start: one eigenvalue may be much faster
+            slowest = (
+                max(np.abs(values).min(), np.linalg.norm(A) / 200) or 1.0
+            )  # an eigenvalue may be 0
+            t = (
+                np.linspace(-1, 1, 91) ** 3 * 4.5 / slowest
+            )  # closely spaced near the start: one eigenvalue may be much faster
             t = t[np.outer(values, t).max(axis=0) < 300]
     z = exact(A, (0.0, 0.0), starts, t)
     z[np.abs(z).max(axis=2) > 8 * reach] = np.nan
     marked = starts
-    if turns and len(starts) < 9:  # the few arms of a slow spiral get more arrows, at halved distances
+    if (
+        turns and len(starts) < 9
+    ):  # the few arms of a slow spiral get more arrows, at halved distances
         marked = exact(A, (0.0, 0.0), starts, np.log([1.0, 0.7, 0.4, 0.2]) / a).reshape(-1, 2)
     return np.concatenate([z, np.full((len(z), 1, 2), np.nan)], axis=1).reshape(-1, 2), marked
 
@@ -162,4 +271,6 @@ def arrow_heads(at: np.ndarray, way: np.ndarray, size: float) -> np.ndarray:
     length = np.hypot(*way.T)[:, None]
     way = size * way / np.where(length > 0, length, np.nan)
     side = 0.5 * way[:, ::-1] * (-1, 1)
-    return np.stack([at - way + side, at, at - way - side, np.full_like(at, np.nan)], axis=1).reshape(-1, 2)
+    return np.stack(
+        [at - way + side, at, at - way - side, np.full_like(at, np.nan)], axis=1
+    ).reshape(-1, 2)

@@ -1,9 +1,9 @@
 """Curves over time: states and outputs of a run, with its events, jumps and modes.
 
-    time_plot(run, "x", "v")                       two panels
-    time_plot(run, ("x", "y"), "F")                x and y share a panel
-    time_plot({"RK4": a, "DOP853": b}, "x")        several runs, with labels
-    view = time_plot(run, "x"); view.update(another_run)
+time_plot(run, "x", "v")                       two panels
+time_plot(run, ("x", "y"), "F")                x and y share a panel
+time_plot({"RK4": a, "DOP853": b}, "x")        several runs, with labels
+view = time_plot(run, "x"); view.update(another_run)
 """
 
 from __future__ import annotations
@@ -19,8 +19,23 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
 from ..model import ModelError, System, listed
-from ..run import Run, Runs
-from .figure import BANDS, COLORS, DASHES, FAINT, INK, Figure, figure, head, label, mode_colors, style, symbol, tint
+from ..run import Run
+from ..runs import Runs
+from .figure import (
+    BANDS,
+    COLORS,
+    DASHES,
+    FAINT,
+    INK,
+    Figure,
+    figure,
+    head,
+    label,
+    mode_colors,
+    style,
+    symbol,
+    tint,
+)
 from .view import Shows, View, Window, extent
 
 __all__ = ["TimePlot", "time_plot"]
@@ -29,8 +44,17 @@ Data = Run | Runs | Sequence[Run | Runs] | Mapping[str, Run | Runs]
 FEW = 60  # up to so many events have a line over the whole height, and modes a tinted background; more become a strip
 
 
-def time_plot(run: Data, *names: str | tuple[str, ...], axes: Axes | Sequence[Axes] | None = None, title: str | None = None, events: bool = True,
-              modes: bool = True, legend: bool = True, width: float = 9.0, height: float | None = None) -> TimePlot:
+def time_plot(
+    run: Data,
+    *names: str | tuple[str, ...],
+    axes: Axes | Sequence[Axes] | None = None,
+    title: str | None = None,
+    events: bool = True,
+    modes: bool = True,
+    legend: bool = True,
+    width: float = 9.0,
+    height: float | None = None,
+) -> TimePlot:
     """time_plot(run, "x", ("V", "F")) -> TimePlot: one panel for each name, a tuple of names shares one. No name: every state.
 
     run      a Run, the Runs of simulate_many, a list of them, or label -> run; several are overlaid, a colour each
@@ -45,25 +69,70 @@ def time_plot(run: Data, *names: str | tuple[str, ...], axes: Axes | Sequence[Ax
 class TimePlot(View):
     """The picture made by `time_plot`; view.axes are its panels. See View for update, artists and relimited."""
 
-    def __init__(self, run: Data, names: Sequence[str | tuple[str, ...]], axes: Axes | Sequence[Axes] | None, title: str | None, events: bool,
-                 modes: bool, legend: bool, width: float, height: float | None):
+    def __init__(
+        self,
+        run: Data,
+        names: Sequence[str | tuple[str, ...]],
+        axes: Axes | Sequence[Axes] | None,
+        title: str | None,
+        events: bool,
+        modes: bool,
+        legend: bool,
+        width: float,
+        height: float | None,
+    ):
         labels, runs = _listed(run)
         self.system: System = runs[0].system
-        self.groups = [(group,) if isinstance(group, str) else tuple(group) for group in names or list(self.system.units)]
+        self.groups = [
+            (group,) if isinstance(group, str) else tuple(group)
+            for group in names or list(self.system.units)
+        ]
         for name in (name for group in self.groups for name in group):
             if name not in self.system.units and name not in self.system.outputs:
-                raise ModelError(f"{name!r} is neither a state nor an output of {self.system.name!r}; there are {listed([*self.system.units, *self.system.outputs])}")
+                raise ModelError(
+                    f"{name!r} is neither a state nor an output of {self.system.name!r}; there are {listed([*self.system.units, *self.system.outputs])}"
+                )
         self.figure, self.axes = _panels(axes, len(self.groups), width, height)
-        self.shows = [Shows(ax, "t", group) for ax, group in zip(self.axes, self.groups, strict=True)]
+        self.shows = [
+            Shows(ax, "t", group) for ax, group in zip(self.axes, self.groups, strict=True)
+        ]
         alone = len(runs) == 1
-        self._modes = [_Modes(ax, self.system) for ax in self.axes] if modes and alone and len(self.system.modes) > 1 and isinstance(runs[0], Run) else []
-        self._events = [_Events(ax) for ax in self.axes] if events and alone and isinstance(runs[0], Run) else []
-        self._curves = [[[_Curve(ax, *_look(i, k, len(runs), len(group)), many=isinstance(r, Runs)) for k, _ in enumerate(group)] for i, r in enumerate(runs)]
-                        for ax, group in zip(self.axes, self.groups, strict=True)]
-        self.artists: list[Artist] = [a for part in (*self._modes, *self._events) for a in part.artists]
-        self.artists += [a for panel in self._curves for curves in panel for curve in curves for a in curve.artists]
+        self._modes = (
+            [_Modes(ax, self.system) for ax in self.axes]
+            if modes and alone and len(self.system.modes) > 1 and isinstance(runs[0], Run)
+            else []
+        )
+        self._events = (
+            [_Events(ax) for ax in self.axes]
+            if events and alone and isinstance(runs[0], Run)
+            else []
+        )
+        self._curves = [
+            [
+                [
+                    _Curve(ax, *_look(i, k, len(runs), len(group)), many=isinstance(r, Runs))
+                    for k, _ in enumerate(group)
+                ]
+                for i, r in enumerate(runs)
+            ]
+            for ax, group in zip(self.axes, self.groups, strict=True)
+        ]
+        self.artists: list[Artist] = [
+            a for part in (*self._modes, *self._events) for a in part.artists
+        ]
+        self.artists += [
+            a
+            for panel in self._curves
+            for curves in panel
+            for curve in curves
+            for a in curve.artists
+        ]
         span, *ranges = self._set_data(runs)
-        self._x = [Window(ax, "x", *span, margin=0, room=0) for k, ax in enumerate(self.axes) if not any(ax.get_shared_x_axes().joined(ax, b) for b in self.axes[:k])]
+        self._x = [
+            Window(ax, "x", *span, margin=0, room=0)
+            for k, ax in enumerate(self.axes)
+            if not any(ax.get_shared_x_axes().joined(ax, b) for b in self.axes[:k])
+        ]
         self._y = [Window(ax, "y", *between) for ax, between in zip(self.axes, ranges, strict=True)]
         self._write(title, labels, legend)
 
@@ -88,44 +157,85 @@ class TimePlot(View):
         for ax, group, panel in zip(self.axes, self.groups, self._curves, strict=True):
             entries: list[tuple[Artist, str]] = []
             if len(group) > 1:
-                entries += [(_sample(curve.line, **{} if len(panel) == 1 else {"color": INK}), symbol(name)) for curve, name in zip(panel[0], group, strict=True)]
+                entries += [
+                    (_sample(curve.line, **{} if len(panel) == 1 else {"color": INK}), symbol(name))
+                    for curve, name in zip(panel[0], group, strict=True)
+                ]
             if len(panel) > 1 and ax is top:
-                entries += [(_sample(curves[0].line, **{} if len(group) == 1 else {"linestyle": "-"}), text) for curves, text in zip(panel, labels, strict=True)]
+                entries += [
+                    (_sample(curves[0].line, **{} if len(group) == 1 else {"linestyle": "-"}), text)
+                    for curves, text in zip(panel, labels, strict=True)
+                ]
             if self._modes and ax is top:
-                entries += [(Patch(facecolor=tint(color, 2 * BANDS[k % len(BANDS)]), edgecolor="none"), mode) for k, (mode, color) in enumerate(mode_colors(self.system).items())]
-            head(ax, (self.system.name if title is None else title) if ax is top else "", entries if legend else [])
+                entries += [
+                    (
+                        Patch(facecolor=tint(color, 2 * BANDS[k % len(BANDS)]), edgecolor="none"),
+                        mode,
+                    )
+                    for k, (mode, color) in enumerate(mode_colors(self.system).items())
+                ]
+            head(
+                ax,
+                (self.system.name if title is None else title) if ax is top else "",
+                entries if legend else [],
+            )
             with style():
                 ax.set_ylabel(label(self.system, *group))
-                if not any(ax.get_shared_x_axes().joined(ax, other) for other in self.axes[self.axes.index(ax) + 1:]):
+                if not any(
+                    ax.get_shared_x_axes().joined(ax, other)
+                    for other in self.axes[self.axes.index(ax) + 1 :]
+                ):
                     ax.set_xlabel(label(self.system, "t"))
 
     def update(self, run: Data) -> None:
         """view.update(run): shows another run (as many runs as at first) of the same system. Raises ModelError otherwise."""
         _, runs = _listed(run)
         if len(runs) != len(self._curves[0]):
-            raise ModelError(f"this picture shows {len(self._curves[0])} run(s), update got {len(runs)}")
-        if list(runs[0].system.units) != list(self.system.units) or list(runs[0].system.modes) != list(self.system.modes):
-            raise ModelError(f"this picture was made for {self.system.name!r}, update got a run of {runs[0].system.name!r}")
+            raise ModelError(
+                f"this picture shows {len(self._curves[0])} run(s), update got {len(runs)}"
+            )
+        if list(runs[0].system.units) != list(self.system.units) or list(
+            runs[0].system.modes
+        ) != list(self.system.modes):
+            raise ModelError(
+                f"this picture was made for {self.system.name!r}, update got a run of {runs[0].system.name!r}"
+            )
         span, *ranges = self._set_data(runs)
-        moved = [window.fit(*span) for window in self._x] + [window.fit(*between) for window, between in zip(self._y, ranges, strict=True)]
+        moved = [window.fit(*span) for window in self._x] + [
+            window.fit(*between) for window, between in zip(self._y, ranges, strict=True)
+        ]
         self.relimited = any(moved)
 
 
 def _listed(run: Data) -> tuple[list[str], list[Run | Runs]]:
     if isinstance(run, Run | Runs):
         return [""], [run]
-    labels, runs = (list(map(str, run)), list(run.values())) if isinstance(run, Mapping) else ([f"run {i + 1}" for i in range(len(run))], list(run))
+    labels, runs = (
+        (list(map(str, run)), list(run.values()))
+        if isinstance(run, Mapping)
+        else ([f"run {i + 1}" for i in range(len(run))], list(run))
+    )
     for one in runs:
         if not isinstance(one, Run | Runs):
-            raise ModelError(f"a picture takes runs (from simulate or simulate_many), not {type(one).__name__} {one!r:.60}")
+            raise ModelError(
+                f"a picture takes runs (from simulate or simulate_many), not {type(one).__name__} {one!r:.60}"
+            )
     if not runs:
         raise ModelError("there is no run to draw: the list is empty")
     return labels, runs
 
 
-def _panels(axes: Axes | Sequence[Axes] | None, count: int, width: float, height: float | None) -> tuple[Figure, list[Axes]]:
+def _panels(
+    axes: Axes | Sequence[Axes] | None, count: int, width: float, height: float | None
+) -> tuple[Figure, list[Axes]]:
     if axes is None:
-        fig = figure(count, 1, width=width, height=height or 1.2 + (2.6 if count == 1 else 1.9) * count, sharex=True)
+        fig = figure(
+            count,
+            1,
+            width=width,
+            height=height or 1.2 + (2.6 if count == 1 else 1.9) * count,
+            sharex=True,
+        )
         return fig, list(fig.axes)
     panels = [axes] if isinstance(axes, Axes) else list(axes)
     if len(panels) != count:
@@ -137,7 +247,9 @@ def _look(i: int, k: int, runs: int, names: int) -> tuple[str, object]:
     """Colour and dash of curve k of run i: one run, a colour for each name; several runs, a colour for each run, a dash for each name."""
     if runs == 1:
         return COLORS[k % len(COLORS)], DASHES[k] if names <= len(DASHES) else "-"
-    return COLORS[i % len(COLORS)], DASHES[k % len(DASHES)] if names > 1 else DASHES[i] if runs <= len(DASHES) else "-"
+    return COLORS[i % len(COLORS)], DASHES[k % len(DASHES)] if names > 1 else DASHES[
+        i
+    ] if runs <= len(DASHES) else "-"
 
 
 def _sample(line: Line2D, **changed: object) -> Line2D:
@@ -158,8 +270,25 @@ class _Curve:
 
     def __init__(self, ax: Axes, color: str, dash: object, many: bool = False):
         width, alpha = (0.8, 0.6) if many else (1.6, 1.0)
-        self.line = Line2D([], [], color=color, linestyle=dash, linewidth=width, alpha=alpha, zorder=3, dash_capstyle="butt")  # type: ignore[arg-type]
-        self.jumps = Line2D([], [], color=color, linestyle=(0, (3, 2)), linewidth=0.6 * width, alpha=alpha, zorder=2.9)
+        self.line = Line2D(
+            [],
+            [],
+            color=color,
+            linestyle=dash,
+            linewidth=width,
+            alpha=alpha,
+            zorder=3,
+            dash_capstyle="butt",
+        )  # type: ignore[arg-type]
+        self.jumps = Line2D(
+            [],
+            [],
+            color=color,
+            linestyle=(0, (3, 2)),
+            linewidth=0.6 * width,
+            alpha=alpha,
+            zorder=2.9,
+        )
         self.artists = [self.jumps, self.line]
         for artist in self.artists:
             ax.add_line(artist)
@@ -177,7 +306,9 @@ def _jumps(t: np.ndarray, *values: np.ndarray) -> np.ndarray:
     moved = np.zeros(len(here), dtype=bool)
     for y in values:
         low, high = extent(y)
-        moved |= np.abs(y[here + 1] - y[here]) > 1e-6 * (high - low)  # False for NaN: a state that begins or ends does not jump
+        moved |= np.abs(y[here + 1] - y[here]) > 1e-6 * (
+            high - low
+        )  # False for NaN: a state that begins or ends does not jump
     return here[moved]
 
 
@@ -194,7 +325,15 @@ class _Events:
     """The instants of the events: faint lines over the whole height; when they are many, ticks at the top."""
 
     def __init__(self, ax: Axes):
-        self.line = Line2D([], [], color=FAINT, linewidth=0.7, alpha=0.75, zorder=1.5, transform=ax.get_xaxis_transform())
+        self.line = Line2D(
+            [],
+            [],
+            color=FAINT,
+            linewidth=0.7,
+            alpha=0.75,
+            zorder=1.5,
+            transform=ax.get_xaxis_transform(),
+        )
         self.artists = [self.line]
         ax.add_artist(self.line)
 
@@ -209,7 +348,12 @@ class _Modes:
 
     def __init__(self, ax: Axes, system: System):
         self.colors = mode_colors(system)
-        self.artists = [PathPatch(Path(np.zeros((0, 2))), linewidth=0, zorder=0.4, transform=ax.get_xaxis_transform()) for _ in self.colors]
+        self.artists = [
+            PathPatch(
+                Path(np.zeros((0, 2))), linewidth=0, zorder=0.4, transform=ax.get_xaxis_transform()
+            )
+            for _ in self.colors
+        ]
         for patch in self.artists:
             ax.add_artist(patch)
 
@@ -222,8 +366,12 @@ class _Modes:
         height = 1.0 if few else 0.035
         for i, (patch, color) in enumerate(zip(self.artists, self.colors.values(), strict=True)):
             patch.set_path(_boxes(left[index == i], right[index == i], height))
-            patch.set_facecolor((*to_rgb(color), BANDS[i % len(BANDS)] if few else 0.8))  # see-through: a panel may draw it over the grid
-            patch.set_antialiased(not few)  # few: sharp edges without seams; many: pixels show the share of the modes
+            patch.set_facecolor(
+                (*to_rgb(color), BANDS[i % len(BANDS)] if few else 0.8)
+            )  # see-through: a panel may draw it over the grid
+            patch.set_antialiased(
+                not few
+            )  # few: sharp edges without seams; many: pixels show the share of the modes
 
 
 def _boxes(left: np.ndarray, right: np.ndarray, top: float) -> Path:
@@ -231,5 +379,10 @@ def _boxes(left: np.ndarray, right: np.ndarray, top: float) -> Path:
     corners = np.empty((len(left), 5, 2))
     corners[:, [0, 1, 4], 0], corners[:, [2, 3], 0] = left[:, None], right[:, None]
     corners[:, [0, 3, 4], 1], corners[:, [1, 2], 1] = 0.0, top
-    codes = np.tile(np.array([Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=np.uint8), len(left))
+    codes = np.tile(
+        np.array(
+            [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=np.uint8
+        ),
+        len(left),
+    )
     return Path(corners.reshape(-1, 2), codes)

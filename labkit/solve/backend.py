@@ -23,7 +23,7 @@ import time
 import types
 import warnings
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
@@ -147,7 +147,7 @@ def _source(name: str) -> str:
 #: The core's files as one source: each takes from those before it.
 CORE = "\n".join(
     line
-    for name in ("layout", "sliding", "step", "locate", "core", "lanes")
+    for name in ("layout", "sliding", "step", "sides", "locate", "instant", "core", "lanes")
     for line in _source(name).splitlines()
     if not line.startswith("from .")
 )
@@ -364,13 +364,21 @@ def _make_model(name: str, source: str, values: dict[str, object]) -> tuple[Call
 
 
 def model_functions(system: System) -> list[Callable]:
-    flows = [mode.flow for mode in system.modes.values()]
-    return flows + [f for tr in system.transitions for f in (tr.guard, tr.reset) if f is not None]
+    """The functions that are called while a system runs."""
+    found = [mode.flow for mode in system.modes.values()]
+    for tr in system.transitions:
+        parts = tr.reset.values() if isinstance(tr.reset, Mapping) else [tr.reset]
+        found += [f for f in (tr.guard, *parts) if callable(f)]
+    return found
 
 
 def model_text(system: System) -> str:
     """Everything the compiled model depends on, and so its key."""
-    shape = (tuple(system.parameters), [(m, system.states_of(m)) for m in system.modes])
+    shape = (
+        tuple(system.parameters),
+        [(m, system.states_of(m)) for m in system.modes],
+        tuple(system.held),
+    )
     edges = [
         (
             tr.sources,
@@ -378,7 +386,9 @@ def model_text(system: System) -> str:
             tr.direction,
             tr.tolerance,
             tr.guard is None,
-            tr.reset is None,
+            {name: None if callable(part) else part for name, part in tr.reset.items()}
+            if isinstance(tr.reset, Mapping)
+            else tr.reset is None,
             tr.priority,
         )
         for tr in system.transitions

@@ -22,7 +22,7 @@ from math import nan
 
 import numpy as np
 
-from ..model import ModelError, System
+from ..model import ModelError, System, Transition
 
 FLOW, GUARDS, RESET = range(3)
 
@@ -91,57 +91,89 @@ def fingerprint(function: Callable, seen: frozenset[int] = frozenset()) -> str:
 
 
 class Plain:
-    """Plain(system): what the plain back end's core calls; an arithmetic error in a flow or guard becomes NaN."""
+    """Plain(system, orientations(system)): what the plain back end's core calls.
+
+    A state is a list of `width` numbers, of which a mode uses the first, and the held variables behind.
+    An arithmetic error in a function becomes NaN.
+    """
 
     def __init__(self, system: System, orientations: list[list[tuple[Callable, float, float]]]):
-        new = tuple.__new__
-        sizes = [len(system.states_of(mode)) for mode in system.modes]
-        width = max(sizes)
-        kinds = [system.S[mode] for mode in system.modes]
-
-        def make_flow(function, kind, n):
-            failed = [nan] * width
-
-            def flow(t, y, p, out):
-                try:
-                    out[:n] = function(t, new(kind, y if n == width else y[:n]), p)
-                except (ArithmeticError, ValueError):
-                    out[:] = failed
-
-            return flow
-
-        def make_guards(pieces, kind, n):
-            def guards(t, y, p, out):
-                s = new(kind, y if n == width else y[:n])
-                for k, (function, sign, tolerance) in enumerate(pieces):
-                    try:
-                        out[k] = sign * function(t, s, p) - tolerance
-                    except (ArithmeticError, ValueError):
-                        out[k] = nan
-
-            return guards
-
-        def make_reset(transition):
-            def reset(mode, t, y, p, out):
-                n = sizes[mode]
-                if transition.reset is None:
-                    out[:n] = y[:n]
-                else:
-                    values = tuple(transition.reset(t, new(kinds[mode], y[:n]), p))
-                    out[: len(values)] = values
-
-            return reset
-
+        states = [_reader(system, mode) for mode in system.modes]
         self.flow = [
-            make_flow(mode.flow, kind, n)
-            for mode, kind, n in zip(system.modes.values(), kinds, sizes, strict=True)
+            _plain_flow(mode.flow, state, len(system.states_of(mode.name)))
+            for mode, state in zip(system.modes.values(), states, strict=True)
         ]
         self.guards = [
-            make_guards(pieces, kind, n)
-            for pieces, kind, n in zip(orientations, kinds, sizes, strict=True)
+            _plain_guards(pieces, state) for pieces, state in zip(orientations, states, strict=True)
         ]
-        self.reset = [make_reset(transition) for transition in system.transitions]
+        self.reset = [_plain_reset(system, tr, states) for tr in system.transitions]
         self.stepper = None
+
+
+def _reader(system: System, mode: str) -> Callable[[list[float]], tuple]:
+    """_reader(system, mode)(y) -> the named tuple s that a function of this mode gets."""
+    new, kind = tuple.__new__, system.S[mode]
+    n, width = len(system.states_of(mode)), system.width
+    if n == width:
+        return lambda y: new(kind, y)
+    return lambda y: new(kind, [*y[:n], *y[width:]])
+
+
+def _plain_flow(function: Callable, state: Callable, n: int) -> Callable:
+    failed = [nan] * n
+
+    def flow(t, y, p, out):
+        try:
+            out[:n] = function(t, state(y), p)
+        except (ArithmeticError, ValueError):
+            out[:n] = failed
+
+    return flow
+
+
+def _plain_guards(pieces: list[tuple[Callable, float, float]], state: Callable) -> Callable:
+    def guards(t, y, p, out):
+        s = state(y)
+        for k, (function, sign, tolerance) in enumerate(pieces):
+            try:
+                out[k] = sign * function(t, s, p) - tolerance
+            except (ArithmeticError, ValueError):
+                out[k] = nan
+
+    return guards
+
+
+def _plain_reset(system: System, transition: Transition, states: list[Callable]) -> Callable:
+    """The reset of one transition: (mode, t, y, p, out); what it does not name is carried over."""
+    modes = list(system.modes)
+    targets = system.places(transition.target or transition.sources[0])
+    count = len(targets) - len(system.held)
+    if callable(transition.reset):
+
+        def values_of(mode, t, s, y, p):
+            values = tuple(transition.reset(t, s, p))
+            return [*values, *y[system.width :]] if len(values) == count else values
+    else:
+        parts = {
+            mode: [
+                (part, system.places(modes[mode]).get(name))
+                for name, part in system.reset_parts(transition, modes[mode]).items()
+            ]
+            for mode in (modes.index(source) for source in transition.sources)
+        }
+
+        def values_of(mode, t, s, y, p):
+            return [part(t, s, p) if part else y[place] for part, place in parts[mode]]
+
+    def reset(mode, t, y, p, out):
+        try:
+            values = values_of(mode, t, states[mode](y), y, p)
+        except (ArithmeticError, ValueError):
+            values = [nan] * len(targets)
+        for place, value in zip(targets.values(), values, strict=True):
+            out[place] = value
+
+    return reset
 
 
 def orientations(system: System) -> list[list[tuple[Callable, float, float]]]:
@@ -219,8 +251,8 @@ class _Inline(ast.NodeTransformer):
         self,
         prefix: str,
         arguments: list[str],
-        states: tuple[str, ...],
-        parameters: tuple[str, ...],
+        states: dict[str, int],
+        parameters: dict[str, int],
         values: dict[str, object],
     ):
         self.prefix, self.arguments, self.values = prefix, arguments, values
@@ -230,10 +262,10 @@ class _Inline(ast.NodeTransformer):
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         if isinstance(node.value, ast.Name) and node.value.id in self.fields:
-            array, names = self.fields[node.value.id]
-            if node.attr in names:
+            array, places = self.fields[node.value.id]
+            if node.attr in places:
                 return ast.copy_location(
-                    ast.parse(f"{array}[{names.index(node.attr)}]", mode="eval").body, node
+                    ast.parse(f"{array}[{places[node.attr]}]", mode="eval").body, node
                 )
         return self.generic_visit(node)
 
@@ -251,8 +283,8 @@ class _Inline(ast.NodeTransformer):
 def _statements(
     function: Callable,
     prefix: str,
-    states: tuple[str, ...],
-    parameters: tuple[str, ...],
+    states: dict[str, int],
+    parameters: dict[str, int],
     finish: Callable[[ast.expr], str],
     values: dict[str, object],
 ) -> list[ast.stmt]:
@@ -320,107 +352,128 @@ def _statements(
     head = ""
     for argument, kind in ((arguments[1], "S"), (arguments[2], "P")):
         if inline.whole[argument]:
-            array, names = inline.fields[argument]
-            values[f"{prefix}{kind}"] = kind, names
-            head += f"{prefix}{argument} = {prefix}{kind}({', '.join(f'{array}[{i}]' for i in range(len(names)))})\n"
+            array, places = inline.fields[argument]
+            values[f"{prefix}{kind}"] = kind, tuple(places)
+            fields = ", ".join(f"{array}[{i}]" for i in places.values())
+            head += f"{prefix}{argument} = {prefix}{kind}({fields})\n"
     return [*ast.parse(head).body, *Finish().visit(module).body]
 
 
 def common_source(system: System) -> tuple[str, dict[str, object]]:
-    """common_source(system) -> (source of model(what, index, t, s, p, out), the values its names stand for)."""
-    parameters = tuple(system.parameters)
-    values: dict[str, object] = {}
-    modes = list(system.modes)
+    """common_source(system) -> (source of model(what, index, t, s, p, out), what its names stand for)."""
+    return _Common(system).made()
 
-    def fill(count: int) -> Callable[[ast.expr], str]:
-        def finish(value: ast.expr) -> str:
-            # All values first, then the assignments: a reset may read what it is about to overwrite
-            if not isinstance(value, ast.Tuple | ast.List):
-                return (
-                    f"result = {ast.unparse(value)}\n"
-                    + "".join(f"out[{i}] = result[{i}]\n" for i in range(count))
-                    + "return"
-                )
-            head, texts = "", []
-            for part in value.elts:
-                if isinstance(
-                    part, ast.Starred
-                ):  # (*law(s, p), 0.0): Numba does not unpack; its length is what is missing
-                    head += f"starred = {ast.unparse(part.value)}\n"
-                    texts += [f"starred[{i}]" for i in range(count - len(value.elts) + 1)]
-                else:
-                    texts.append(ast.unparse(part))
-            values = "".join(f"value_{i} = float({text})\n" for i, text in enumerate(texts))
-            return (
-                head
-                + values
-                + "".join(f"out[{i}] = value_{i}\n" for i in range(len(texts)))
-                + "return"
-            )
 
-        return finish
+def _fill(places: list[int], keep: str) -> Callable[[ast.expr], str]:
+    """_fill([0, 1], "")(returned expression) -> statements that put its values into out, then `keep`."""
 
-    branches: list[tuple[str, list[ast.stmt]]] = []
-    for m, mode in enumerate(system.modes.values()):
-        names = system.states_of(mode.name)
-        branches.append(
-            (
-                f"what == {FLOW} and index == {m}",
-                _statements(mode.flow, f"f{m}_", names, parameters, fill(len(names)), values),
-            )
-        )
-    helpers = ""
-    for m, pieces in enumerate(orientations(system)):
+    def finish(value: ast.expr) -> str:
+        # All values first, then the assignments: a reset may read what it is about to overwrite
+        if not isinstance(value, ast.Tuple | ast.List):
+            lines = "".join(f"out[{place}] = result[{i}]\n" for i, place in enumerate(places))
+            return f"result = {ast.unparse(value)}\n{lines}{keep}return"
+        head, texts = "", []
+        for part in value.elts:
+            # (*law(s, p), 0.0): Numba does not unpack; its length is what is missing
+            if isinstance(part, ast.Starred):
+                head += f"starred = {ast.unparse(part.value)}\n"
+                texts += [f"starred[{i}]" for i in range(len(places) - len(value.elts) + 1)]
+            else:
+                texts.append(ast.unparse(part))
+        return head + _store(dict(zip(places, texts, strict=False))) + f"{keep}return"
+
+    return finish
+
+
+def _store(values: dict[int, str]) -> str:
+    """Statements that put expressions into their places of out, all worked out before the first is put."""
+    lines = "".join(f"value_{i} = float({text})\n" for i, text in values.items())
+    return lines + "".join(f"out[{i}] = value_{i}\n" for i in values)
+
+
+class _Common:
+    """_Common(system).made() -> the source of the common function and the values of its names."""
+
+    def __init__(self, system: System):
+        self.system, self.modes = system, list(system.modes)
+        self.parameters = {name: place for place, name in enumerate(system.parameters)}
+        self.values: dict[str, object] = {}
+        self.helpers = ""
+        self.branches: list[tuple[str, list[ast.stmt]]] = []
+        self.kept = "".join(f"out[{i}] = s[{i}]\n" for i in self._behind())
+
+    def _behind(self) -> range:
+        """The places of held variables."""
+        return range(self.system.width, self.system.width + len(self.system.held))
+
+    def made(self) -> tuple[str, dict[str, object]]:
+        for m, mode in enumerate(self.system.modes.values()):
+            finish = _fill(list(range(len(self.system.states_of(mode.name)))), "")
+            body = self._body(mode.flow, f"f{m}_", mode.name, finish)
+            self.branches.append((f"what == {FLOW} and index == {m}", body))
+        for m, pieces in enumerate(orientations(self.system)):
+            self._add_guards(m, pieces)
+        for i, tr in enumerate(self.system.transitions):
+            if tr.reset is not None:
+                self._add_reset(i, tr)
+        text = "def model(what, index, t, s, p, out):\n"
+        for condition, body in self.branches:
+            text += f"    if {condition}:\n" + _indent(body, 2)
+        text += f"    if what >= {RESET}:\n"
+        text += f"        for i in range({self._behind().stop}):\n            out[i] = s[i]\n"
+        return self.helpers + text, self.values
+
+    def _body(
+        self, function: Callable, prefix: str, mode: str, finish: Callable[[ast.expr], str]
+    ) -> list[ast.stmt]:
+        places = self.system.places(mode)
+        return _statements(function, prefix, places, self.parameters, finish, self.values)
+
+    def _expression(self, function: Callable, prefix: str, mode: str) -> str:
+        """A function of one number as an expression; a helper of its own when it is more than one return."""
+        body = self._body(function, prefix, mode, lambda value: f"return {ast.unparse(value)}")
+        if len(body) == 1 and isinstance(body[0], ast.Return):
+            return f"({ast.unparse(body[0].value)})"
+        self.helpers += f"def {prefix}helper(t, s, p):\n" + _indent(body)
+        self.values[f"{prefix}helper"] = None
+        return f"{prefix}helper(t, s, p)"
+
+    def _add_guards(self, m: int, pieces: list[tuple[Callable, float, float]]) -> None:
         lines = ""
         for k, (function, sign, tolerance) in enumerate(pieces):
-            # a guard returns once, so each is a function of its own when its body is more than one return
-            prefix = f"g{m}_{k}_"
-            body = _statements(
-                function,
-                prefix,
-                system.states_of(modes[m]),
-                parameters,
-                lambda value: f"return {ast.unparse(value)}",
-                values,
-            )
-            if len(body) == 1 and isinstance(body[0], ast.Return):
-                expression = ast.unparse(body[0].value)
-            else:
-                helpers += f"def {prefix}guard(t, s, p):\n" + _indent(body)
-                values[f"{prefix}guard"] = None
-                expression = f"{prefix}guard(t, s, p)"
+            expression = self._expression(function, f"g{m}_{k}_", self.modes[m])
             shift = f" - {tolerance!r}" if tolerance else ""
-            lines += f"out[{k}] = {'-' if sign < 0 else ''}({expression}){shift}\n"
+            lines += f"out[{k}] = {'-' if sign < 0 else ''}{expression}{shift}\n"
         if lines:
-            branches.append(
-                (f"what == {GUARDS} and index == {m}", ast.parse(lines + "return").body)
-            )
-    for i, tr in enumerate(system.transitions):
-        if tr.reset is None:
-            continue
-        for m in {tuple(system.states_of(mode)): modes.index(mode) for mode in tr.sources}.values():
-            names = system.states_of(modes[m])
-            count = len(system.states_of(tr.target)) if tr.target else 0
-            alike = [
-                str(modes.index(mode)) for mode in tr.sources if system.states_of(mode) == names
-            ]
-            condition = (
-                f"what >= {RESET} and index == {i} and what - {RESET} in ({', '.join(alike)},)"
-            )
-            branches.append(
-                (
-                    condition,
-                    _statements(tr.reset, f"r{i}_{m}_", names, parameters, fill(count), values),
-                )
-            )
-    text = "def model(what, index, t, s, p, out):\n"
-    for condition, body in branches:
-        text += f"    if {condition}:\n" + _indent(body, 2)
-    width = max(len(system.states_of(mode)) for mode in modes)
-    text += (
-        f"    if what >= {RESET}:\n        for i in range({width}):\n            out[i] = s[i]\n"
-    )
-    return helpers + text, values
+            condition = f"what == {GUARDS} and index == {m}"
+            self.branches.append((condition, ast.parse(lines + "return").body))
+
+    def _add_reset(self, i: int, tr: Transition) -> None:
+        """A branch for each kind of source mode; modes of the same states share one."""
+        system = self.system
+        states = system.states_of
+        for m in {states(mode): self.modes.index(mode) for mode in tr.sources}.values():
+            name, prefix = self.modes[m], f"r{i}_{m}_"
+            alike = [self.modes.index(mode) for mode in tr.sources if states(mode) == states(name)]
+            among = ", ".join(map(str, alike))
+            condition = f"what >= {RESET} and index == {i} and what - {RESET} in ({among},)"
+            if callable(tr.reset):
+                count = len(states(tr.target)) if tr.target else 0
+                body = self._body(tr.reset, prefix, name, _fill(list(range(count)), self.kept))
+            else:
+                body = ast.parse(_store(self._parts(tr, name, prefix)) + "return").body
+            self.branches.append((condition, body))
+
+    def _parts(self, tr: Transition, mode: str, prefix: str) -> dict[int, str]:
+        """Place after the event -> expression, of a reset that names what changes."""
+        before, texts = self.system.places(mode), {}
+        for name, place in self.system.places(tr.target or mode).items():
+            value = tr.reset.get(name)
+            if callable(value):
+                texts[place] = self._expression(value, f"{prefix}{place}_", mode)
+            else:
+                texts[place] = f"s[{before[name]}]" if value is None else repr(value)
+        return texts
 
 
 def _indent(body: list[ast.stmt], by: int = 1) -> str:
@@ -434,47 +487,41 @@ def _indent(body: list[ast.stmt], by: int = 1) -> str:
 def check_functions(
     system: System, p: tuple, t: float, start: tuple[float, ...], mode: str
 ) -> None:
-    """Calls flow, guards and resets once, so that a wrong length or a NaN is an error in words before anything runs."""
+    """check_functions(system, p, t, start, mode): calls flow, guards and resets of every mode once.
+
+    So a wrong length or a NaN is an error in words before anything runs. `start` is in the order of
+    S[mode]; other modes are tried there too where they have the same states, else at ones.
+    """
     for key, each in system.modes.items():
-        names = system.states_of(key)
-        s = system.S[key](
-            *(
-                start
-                if key == mode
-                else start
-                if len(start) == len(names) and names == system.states_of(mode)
-                else (1.0,) * len(names)
-            )
-        )
-        here = key == mode
+        names, here = system.states_of(key), key == mode
+        own = len(system.states_of(mode))
+        first = start[:own] if names == system.states_of(mode) else (1.0,) * len(names)
+        s = system.S[key](*first, *start[own:])
         _check_vector(each.flow, f"the flow of mode {key!r}", t, s, p, names, here, "derivatives")
         for i in system.leaving[key]:
             tr = system.transitions[i]
             if tr.guard is not None:
-                value = _call(tr.guard, f"the guard of {tr.name!r}", t, s, p, here)
-                if value is not None and not isinstance(value, int | float | np.number | np.bool_):
-                    raise ModelError(
-                        f"the guard of {tr.name!r} must return one number, not {value!r}"
-                    )
-                if isinstance(value, bool | np.bool_):
-                    raise ModelError(
-                        f"the guard of {tr.name!r} returns {value}: return the number whose zero is the event (s.y, not s.y < 0)"
-                    )
-                if here and value is not None and value != value:
-                    raise ModelError(
-                        f"the guard of {tr.name!r} is not a number (NaN) at the start, {_at(t, s)}"
-                    )
-            if tr.reset is not None and tr.target is not None:
-                _check_vector(
-                    tr.reset,
-                    f"the reset of {tr.name!r}",
-                    t,
-                    s,
-                    p,
-                    system.states_of(tr.target),
-                    False,
-                    "states",
-                )
+                _check_number(tr.guard, f"the guard of {tr.name!r}", t, s, p, here)
+            what = f"the reset of {tr.name!r}"
+            if callable(tr.reset) and tr.target is not None:
+                target = system.states_of(tr.target)
+                _check_vector(tr.reset, what, t, s, p, target, False, "states")
+            elif tr.reset:
+                for name, part in tr.reset.items():
+                    if callable(part):
+                        _check_number(part, f"{what} for {name!r}", t, s, p, False)
+
+
+def _check_number(function: Callable, what: str, t: float, s: tuple, p: tuple, here: bool) -> None:
+    value = _call(function, what, t, s, p, here)
+    if value is not None and not isinstance(value, int | float | np.number | np.bool_):
+        raise ModelError(f"{what} must return one number, not {value!r}")
+    if isinstance(value, bool | np.bool_) and what.startswith("the guard"):
+        raise ModelError(
+            f"{what} returns {value}: return the number whose zero is the event (s.y, not s.y < 0)"
+        )
+    if here and value is not None and value != value:
+        raise ModelError(f"{what} is not a number (NaN) at the start, {_at(t, s)}")
 
 
 def _at(t: float, s: tuple) -> str:

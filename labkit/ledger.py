@@ -1,0 +1,179 @@
+"""The event ledger of a run: one line an event, and the same as arrays.
+
+run.events[0].t, run.events[0].after["v"]               one event
+run.events["bounce"].t, run.events["bounce"].after["v"]  all events of a transition, as arrays
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .model import ModelError, System, listed
+
+__all__ = ["Event", "Events", "Firings", "Touch"]
+
+END, SLIDING = -1, -2  # in the place of a mode: the run ended; the modes slid
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of the ledger: event.t, .transition, .source, .target, .before["v"], .after["v"].
+
+    `target` is None where the run ended; `index` is the transition's place in system.transitions.
+    """
+
+    t: float
+    transition: str
+    source: str
+    target: str | None
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    index: int
+
+    def __str__(self) -> str:
+        # differences of rounding size would tell of the machine, not of the system
+        pairs = [
+            (k, self.before[k], v)
+            for k, v in self.after.items()
+            if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))
+        ]
+        changed = ", ".join(f"{k} {old:.6g} → {new:.6g}" for k, old, new in pairs)
+        return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (
+            f"  ({changed})" if changed else ""
+        )
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A limit that was touched and not passed: run.touches[0].t, .transition, .by.
+
+    `by` is the guard at its highest, 0 … the transition's tolerance, in the guard's unit.
+    """
+
+    t: float
+    transition: str
+    by: float
+
+    def __str__(self) -> str:
+        return f"{self.t:12.6f}  {self.transition}: touched, no event (by {self.by:.3g})"
+
+
+@dataclass(frozen=True, eq=False)
+class Firings:
+    """run.events["bounce"]: all events of one transition as arrays of one entry an event.
+
+    t                (k,) instants
+    before, after    state name -> (k,) values; NaN where the mode has no such state
+    source, target   (k,) names of modes; target is None where the run ended
+    """
+
+    t: np.ndarray
+    before: Mapping[str, np.ndarray]
+    after: Mapping[str, np.ndarray]
+    source: np.ndarray
+    target: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+class Events(Sequence):
+    """Events(system, rows): the ledger as a sequence of Event, which are made when looked at.
+
+    events[0], events[-3:]   one event; a list of them
+    events["bounce"]         the Firings of a transition, empty if it never fired; "slip (sliding)"
+                             for begin and end of sliding on that transition's surface
+    rows                     (events, 5 + 2·length of a state): t, transition, j, source, target,
+                             the state before, the state after; modes by place, or END or SLIDING
+
+    Raises ModelError for a label that no transition has.
+    """
+
+    def __init__(self, system: System, rows: np.ndarray):
+        self._system, self._rows = system, rows
+
+    @cached_property
+    def _events(self) -> list[Event]:
+        system, made = self._system, []
+        for at, row in zip(self._ends, self._rows.tolist(), strict=True):
+            one, other, source, target = at
+            before, after = np.array_split(np.array(row[5:]), 2)
+            made.append(
+                Event(
+                    row[0],
+                    self._name(int(row[1]), SLIDING in row[3:5]),
+                    source,
+                    target,
+                    _named(system, one, before),
+                    _named(system, other, after),
+                    int(row[1]),
+                )
+            )
+        return made
+
+    @cached_property
+    def _ends(self) -> list[tuple[str, str, str, str | None]]:
+        """Of each event: the modes whose states stand before and after; source, target in words."""
+        system, modes = self._system, list(self._system.modes)
+        words = {END: None, SLIDING: "sliding", **dict(enumerate(modes))}
+        ends = []
+        for who, source, target in self._rows[:, [1, 3, 4]].astype(int).tolist():
+            one = modes[source] if source >= 0 else system.transitions[who].sources[0]
+            other = modes[target] if target >= 0 else one
+            ends.append((one, other, words[source], words[target]))
+        return ends
+
+    def _name(self, transition: int, sliding: bool) -> str:
+        return self._system.transitions[transition].name + (" (sliding)" if sliding else "")
+
+    def _firings(self, label: str) -> Firings:
+        system, rows = self._system, self._rows
+        names = [tr.name for tr in system.transitions]
+        if label not in names and label.removesuffix(" (sliding)") not in names:
+            raise ModelError(
+                f"no transition of {system.name!r} is called {label!r}; there are {listed(names)}"
+            )
+        sliding = (rows[:, 3:5] == SLIDING).any(axis=1).tolist()
+        mine = [
+            k
+            for k, who in enumerate(rows[:, 1].astype(int).tolist())
+            if self._name(who, sliding[k]) == label
+        ]
+        ends = [self._ends[k] for k in mine]
+        width = (rows.shape[1] - 5) // 2
+        before, after = (
+            _columns(system, [end[place] for end in ends], rows[mine, first : first + width])
+            for place, first in ((0, 5), (1, 5 + width))
+        )
+        source, target = (np.array([end[place] for end in ends], dtype=object) for place in (2, 3))
+        return Firings(rows[mine, 0], before, after, source, target)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, index: int | slice | str) -> Event | list[Event] | Firings:
+        return self._firings(index) if isinstance(index, str) else self._events[index]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and self._events == list(other)
+
+    def __repr__(self) -> str:
+        return repr(self._events)
+
+
+def _named(system: System, mode: str, state: np.ndarray) -> dict[str, float]:
+    return {name: float(state[place]) for name, place in system.places(mode).items()}
+
+
+def _columns(system: System, modes: list[str], states: np.ndarray) -> dict[str, np.ndarray]:
+    """name -> its values in states (k, length), each of its own mode; NaN where there is none."""
+    found = {name: np.full(len(modes), np.nan) for name in system.units}
+    for mode in set(modes):
+        here = [k for k, each in enumerate(modes) if each == mode]
+        for name, place in system.places(mode).items():
+            found[name][here] = states[here, place]
+    return found

@@ -1,0 +1,109 @@
+"""Why a run ended: the core's status, as a value that code can test and as a sentence.
+
+ended, stopped = ending(status, settings, w)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..model import listed
+from ..run import Ended
+from . import core
+from .methods import FIXED_STEP
+from .settings import Settings
+
+__all__ = ["ending"]
+
+_REST = '(give its transition zeno="…", a mode to rest in)'
+
+#: Status of the core -> what it is, and the sentence; what stands in braces: see `ending`.
+ENDINGS = {
+    core.FINISHED: (Ended.FINISHED, "finished"),
+    core.TERMINAL: (Ended.TERMINAL, 'terminal event "{name}"'),
+    core.ZENO: (
+        Ended.ZENO,
+        'Zeno at t = {zeno:.10g}: "{name}" repeats infinitely often before that instant ' + _REST,
+    ),
+    core.CONTACT: (
+        Ended.CONTACT,
+        'resting contact at t = {t:.6g}: after "{name}" its guard does not leave zero ' + _REST,
+    ),
+    core.LOOP: (
+        Ended.LOOP,
+        "endless loop at t = {t:.6g}: {same} events at one instant, the last of them "
+        '"{name}" (chattering: the flows on both sides of its guard push towards it)',
+    ),
+    core.EVENTS_OUT: (
+        Ended.TOO_MANY_EVENTS,
+        'too many events: {events} by t = {t:.6g}, the last of them "{name}" '
+        "(max_events={max_events})",
+    ),
+    core.STEPS_OUT: (
+        Ended.TOO_MANY_STEPS,
+        "too many steps: {steps} by t = {t:.6g} (max_steps={max_steps})",
+    ),
+    core.QUEUE_FULL: (
+        Ended.QUEUE,
+        'too many dead-time transitions under way at t = {t:.6g}: "{name}"',
+    ),
+    core.GUARD_NAN: (Ended.NOT_A_NUMBER, 'not a number: the guard of "{name}" at t = {t:.6g}'),
+    core.STIFF: (
+        Ended.STIFF,
+        "too many steps: {steps} by t = {t:.6g}, for the flow of mode {mode!r} is stiff: the steps of "
+        "{method} are as short as its stability asks, not its accuracy (try method='Radau')",
+    ),
+    core.HIDDEN_JUMP: (
+        Ended.JUMP,
+        "too many steps: {steps} by t = {t:.6g}, for the flow of mode {mode!r} jumps near "
+        "t = {jump:.6g}: make the jump an event (a Transition with a guard, or at=)",
+    ),
+}
+
+
+def ending(status: int, settings: Settings, w: core.Workspace) -> tuple[Ended, str]:
+    """ending(status, settings, w) of the lane that has just ended -> (Ended, sentence)."""
+    if status not in ENDINGS:
+        return _why_no_step(settings, w)
+    transitions = settings.system.transitions
+    ended, sentence = ENDINGS[status]
+    return ended, sentence.format(
+        name=transitions[w.i[core.WHO]].name if transitions else "",
+        mode=settings.modes[w.i[core.MODE]],
+        t=w.f[core.T],
+        zeno=w.f[core.ZENO_T],
+        jump=w.f[core.JUMP_T],
+        same=w.i[core.SAME],
+        events=w.i[core.LEDGER],
+        steps=w.i[core.STEPS] + w.i[core.REJECTED],
+        method=settings.method,
+        max_events=settings.options.max_events,
+        max_steps=settings.options.max_steps,
+    )
+
+
+def _why_no_step(settings: Settings, w: core.Workspace) -> tuple[Ended, str]:
+    """The step shrank to nothing, or a fixed step overflowed.
+
+    A flow that is no number, a state out of hand, or a singular or stiff system.
+    """
+    t, mode = f"t = {w.f[core.T]:.6g}", settings.modes[w.i[core.MODE]]
+    names = settings.system.states_of(mode)
+    y = [float(v) for v in list(w.y)[: len(names)]]
+    # The last attempt's stages are still there: one that is no number tells more than the tiny step
+    stages = np.array([] if settings.external else list(w.k), dtype=float)
+    stages = stages.reshape(len(w.k) if len(stages) else 0, -1)[: settings.table.stages + 1]
+    if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k : k + 1]))]:
+        return (
+            Ended.NOT_A_NUMBER,
+            f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} "
+            f"near {t}",
+        )
+    biggest = max(range(len(names)), key=lambda k: abs(y[k]))
+    if abs(y[biggest]) > 1e8 or settings.method in FIXED_STEP:
+        return Ended.DIVERGED, f"diverged: |{names[biggest]}| = {abs(y[biggest]):.3g} at {t}"
+    return (
+        Ended.SINGULAR,
+        f"no step is short enough at {t} in mode {mode!r}: the flow is singular there, or stiff "
+        "(try method='Radau')",
+    )

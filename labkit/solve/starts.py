@@ -1,0 +1,215 @@
+"""Where and when runs begin: start states and modes, delays and schedules, and what does not fit.
+
+A start that does not fit is an error of a single run, and one lane's reason among many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..model import Every, ModelError, System, listed, number
+from .functions import check_functions
+from . import core
+from .settings import Settings
+
+__all__ = ["Refused", "check_start", "clocks", "mapping", "start_of", "starts_of", "try_functions"]
+
+Refused = dict[int, ModelError]  # lane -> why it cannot begin
+
+
+def mapping(start: object) -> Mapping:
+    """mapping({"y": 5.0}) -> the start as it is, {} for None; ModelError for what is no dict."""
+    if start is None:
+        return {}
+    if not isinstance(start, Mapping):
+        raise ModelError(
+            f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r:.60}"
+        )
+    return start
+
+
+def start_of(
+    system: System, start: Mapping[str, float], mode: object, t0: float, p: tuple
+) -> tuple[tuple[float, ...], str]:
+    """start_of(system, start, mode, t0, p) -> (values in the order of S[mode], name of the mode).
+
+    The mode is given, or the system's, or chosen by the system's function.
+    """
+    mode = mode or system.mode
+    if callable(mode):
+        s = system.S[next(iter(system.modes))]
+        values = {name: number(start.get(name, np.nan), f"start of {name!r}") for name in s._fields}
+        try:
+            mode = mode(t0, s(**values), p)
+        except (ArithmeticError, ValueError) as error:
+            raise _said(error, "the start mode") from error
+    if mode not in system.modes:
+        raise ModelError(
+            f"start mode {mode!r} is not a mode of {system.name!r}; "
+            f"there are {listed(system.modes)}"
+        )
+    own = system.S[mode]._fields
+    own_start = {k: v for k, v in start.items() if k in own or k not in system.units}
+    return system.check_start(own_start, mode), mode
+
+
+def starts_of(
+    settings: Settings, start: Mapping[str, np.ndarray], mode: object, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Refused]:
+    """starts_of(settings, start, mode, p (lanes, parameters)) -> states, modes, refused lanes.
+
+    States (lanes, length), in the order of a state's vector; modes (lanes,) by place.
+    Raises ModelError for what would be wrong in every lane.
+    """
+    system, lanes = settings.system, len(p)
+    begin, modes = np.zeros((lanes, settings.length)), np.zeros(lanes, dtype=np.int64)
+    refused: Refused = {}
+    for key, value in start.items():
+        if not np.all(np.isfinite(value)):
+            raise ModelError(
+                f"start of {key!r} must be finite, not {value[~np.isfinite(value)].flat[0]}"
+                if np.ndim(value)
+                else f"start of {key!r} must be finite, not {value}"
+            )
+    first = {key: float(np.ravel(value)[0]) for key, value in start.items()}
+    if not callable(mode or system.mode):
+        _, name = start_of(system, first, mode, settings.options.t0, ())
+        for key, place in system.places(name).items():
+            begin[:, place] = start[key]
+        modes[:] = settings.place[name]
+        return begin, modes, refused
+    if unknown := [key for key in start if key not in system.units]:
+        system.check_start({key: first[key] for key in unknown}, settings.modes[0])
+    lists = {key: np.broadcast_to(value, lanes).tolist() for key, value in start.items()}
+    for lane, values in enumerate(p.tolist()):
+        mine = {key: value[lane] for key, value in lists.items()}
+        try:
+            state, name = start_of(system, mine, mode, settings.options.t0, system.P(*values))
+        except ModelError as error:  # it stands in the first mode then, as far as it goes
+            refused[lane], name = error, settings.modes[0]
+            state = [mine.get(key, np.nan) for key in system.places(name)]
+        begin[lane, list(system.places(name).values())] = state
+        modes[lane] = settings.place[name]
+    return begin, modes, refused
+
+
+def try_functions(
+    settings: Settings, state: np.ndarray, mode: int, p: tuple
+) -> tuple[str, tuple[float, ...]]:
+    """try_functions(settings, state (length,), mode by place, p) -> the mode's name, the start as s.
+
+    Raises ModelError where a function of the model does not do there.
+    """
+    system, name = settings.system, settings.modes[mode]
+    start = tuple(float(state[place]) for place in system.places(name).values())
+    check_functions(system, p, settings.options.t0, start, name)
+    return name, system.S[name](*start)
+
+
+def check_start(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> None:
+    """check_start(settings, state (length,), mode by place, p): why the core refuses a start, in words.
+
+    The model's functions are tried there; else a guard is passed already.
+    """
+    system, t0 = settings.system, settings.options.t0
+    name, s = try_functions(settings, state, mode, p)
+    for i in system.leaving[name]:
+        tr = system.transitions[i]
+        if tr.guard is None or tr.direction == 0 or tr.urgent is not None:
+            continue
+        value = float(tr.guard(t0, s, p))
+        beyond = tr.direction * value - tr.tolerance
+        if beyond > 0:  # the core has found that it is more than rounding
+            elsewhere = "" if tr.target in (None, name) else f" (mode={tr.target!r}?)"
+            raise ModelError(
+                f"the start does not fit mode {name!r}: the guard of {tr.name!r} is already "
+                f"{value:.6g} ({'> 0' if tr.direction > 0 else '< 0'}) at t = {t0:g}. Start "
+                f"elsewhere, choose another mode{elsewhere}, or say what the transition shall do: "
+                "urgent=True fires at once, urgent=False waits for the next crossing"
+            )
+
+
+def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Refused]:
+    """clocks(settings, p (lanes, parameters)) -> fields of the workspace, refused lanes.
+
+    Dead times, and when the schedules strike: first + m·period on the clock for m = 0 (or 1), 2, …;
+    or a list of instants. What strikes at t0 belongs to the run that ended there, so that a run cut in
+    two is the whole run; a run from t = 0 has none before it. Arrays are (lanes, columns).
+    """
+    system, lanes, refused = settings.system, len(p), Refused()
+    t0 = settings.options.t0
+    over = t0 + 8 * core.EPS * abs(t0) if t0 != 0.0 else -5e-324  # what strikes up to here is over
+    plans, plan_from = settings.plans, settings.fixed["plan_from"]
+    if not plans and all(tr.delay == 0 for tr in system.transitions):
+        return {}, refused
+
+    def resolve(
+        value: object, what: str, allowed: Callable[[float], bool], mend: str
+    ) -> np.ndarray:
+        """A number, a parameter's name or a function of p, for every lane."""
+        if isinstance(value, str):
+            place = system.resolve(value, system.P(*range(p.shape[1])), what)
+            found = p[:, int(place)].copy()
+        elif not callable(value):
+            found = np.full(lanes, system.resolve(value, (), what))
+        else:
+            found = np.full(lanes, np.nan)
+            for lane, values in enumerate(p.tolist()):
+                try:
+                    found[lane] = system.resolve(value, system.P(*values), what)
+                except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
+                    refused.setdefault(lane, _said(error, what))
+        for lane in np.flatnonzero(~allowed(found) & np.isfinite(found)).tolist():
+            refused.setdefault(lane, ModelError(f"{what} is {found[lane]:g}: {mend}"))
+        return found
+
+    made = {
+        "delay": np.zeros((lanes, len(system.transitions))),
+        "plan_first": np.zeros((lanes, len(plans))),
+        "plan_period": np.zeros((lanes, len(plans))),
+        "plan_next0": np.zeros((lanes, len(plans)), dtype=np.int64),
+        "instant": np.zeros((lanes, int(plan_from[-1]))),
+    }
+    for i, tr in enumerate(system.transitions):
+        if tr.delay != 0:
+            what = f"the delay of {tr.name!r}"
+            made["delay"][:, i] = resolve(
+                tr.delay, what, lambda v: v >= 0, "a dead time cannot be negative"
+            )
+    for k, tr in enumerate(plans):
+        if isinstance(tr.at, Every):
+            made["plan_period"][:, k] = resolve(
+                tr.at.period,
+                f"the period of {tr.name!r}",
+                lambda v: v > 0,
+                "a period must be positive",
+            )
+            made["plan_first"][:, k] = resolve(
+                0.0 if tr.at.first is None else tr.at.first,
+                f"the first instant of {tr.name!r}",
+                lambda v: v >= 0,
+                "it must not be negative",
+            )
+            period, first = made["plan_period"][:, k], made["plan_first"][:, k]
+            with np.errstate(divide="ignore", invalid="ignore"):  # refused lanes
+                before = np.nan_to_num(np.floor((over - first) / period) + 1.0, posinf=0, neginf=0)
+            at_least = float(tr.at.first is None)
+            made["plan_next0"][:, k] = np.maximum(before if over > 0.0 else 0.0, at_least)
+        else:
+            found = [
+                resolve(x, f"an instant of {tr.name!r}", np.isfinite, "") for x in tr.at.instants
+            ]
+            found = np.sort(found, axis=0)
+            made["instant"][:, plan_from[k] : plan_from[k + 1]] = found.T
+            made["plan_next0"][:, k] = (found <= over).sum(axis=0)
+    return made, refused
+
+
+def _said(error: Exception, what: str) -> ModelError:
+    if isinstance(error, ModelError):
+        return error
+    made = ModelError(f"{what} cannot be worked out: {type(error).__name__}: {error}")
+    made.__cause__ = error
+    return made
