@@ -15,6 +15,7 @@ from labkit import Mode, System, Transition
 from .findings import EPS, THROUGH, Complaint, close, compare, finished, run
 
 METHODS = ("Heun", "RK4", "RK45", "DOP853")
+PRIORITIES = ((0, 0, 0, 0), (0, 0, 1, 1), (1, 0, 0, 1), (3, 2, 1, 0))
 
 
 @cache
@@ -79,7 +80,7 @@ def folded(place: Fraction, speed: Fraction, width: Fraction) -> tuple[Fraction,
     return (rest, speed) if turn % 2 == 0 else (width - rest, -speed)
 
 
-def generate(random) -> Case:
+def generate(random, shapes: int = len(PRIORITIES)) -> Case:
     wide, high = Fraction(random.randint(2, 12), 4), Fraction(random.randint(2, 12), 4)
     x, y = wide * Fraction(random.randint(1, 7), 8), high * Fraction(random.randint(1, 7), 8)
     if random.random() < 0.8:  # into a corner of the unfolded plane at a chosen instant
@@ -95,7 +96,7 @@ def generate(random) -> Case:
     left, low = random.choice(((0.0, 0.0), (0.0, 0.0), (-1024.0, 512.0)))
     return Case(
         wide, high, x, y, vx, vy,
-        random.choice((0, 1)), tuple(random.randint(0, 1) for _ in range(4)),
+        random.choice((0, 1)), PRIORITIES[random.randrange(shapes)],
         left, low, random.choice((0.0, 0.0, 1e5)), horizon,
     )  # fmt: skip
 

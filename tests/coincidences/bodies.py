@@ -16,6 +16,7 @@ from labkit import Mode, System, Transition
 from .findings import EPS, THROUGH, Complaint, close, compare, finished, run
 
 METHODS = ("Heun", "RK4", "RK45", "DOP853")
+PRIORITIES = ((0, 0, 0, 0, 0), (0, 1, 0, 2, 0), (2, 1, 0, 1, 2), (0, 1, 2, 3, 4), (4, 3, 2, 1, 0))
 
 
 def roll(t, s, p):
@@ -91,7 +92,7 @@ def crossings(x, v) -> list[Fraction]:
     )
 
 
-def generate(random) -> Case:
+def generate(random, shapes: int = len(PRIORITIES)) -> Case:
     direction = random.choice((-1, -1, 0))
     shape = random.choice(("random", "meeting", "cradle" if direction else "meeting"))
     quarter = Fraction(1, 4)
@@ -126,7 +127,7 @@ def generate(random) -> Case:
         tuple(x),
         tuple(v),
         direction,
-        tuple(random.randint(0, 2) for _ in range(5)),
+        PRIORITIES[random.randrange(shapes)],
         random.choice((0.0, 0.0, 1e3)),
         random.choice((0.0, 0.0, 1e5)),
         horizon,

@@ -5,6 +5,7 @@ order of priorities.
 
 from __future__ import annotations
 
+import random as randoms
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -15,6 +16,7 @@ from .findings import OTHER, Complaint, close, finished, run
 
 METHODS = ("Euler", "RK4", "RK45", "DOP853")
 SLOTS = 8
+SHAPES = 40  # what is compiled anew is the shape; everything else is a number
 QUARTER = Fraction(1, 4)
 
 
@@ -78,7 +80,15 @@ class Case:
     horizon: Fraction
 
 
-def generate(random) -> Case:
+def shape(number: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """(directions, priorities) of the slots."""
+    random = randoms.Random(number)
+    directions = random.choice(((1, 0, -1), (0, 1, 0), (0, 0, 0), (1, 1, -1)))
+    directions = tuple(random.choice((1, 0, -1)) for _ in range(3)) + directions
+    return directions, tuple(random.randint(0, 2) for _ in range(SLOTS))
+
+
+def generate(random, shapes: int = SHAPES) -> Case:
     places = random.sample(range(1, 17), 2)  # two instants at which most things happen
 
     def instant():
@@ -89,9 +99,7 @@ def generate(random) -> Case:
         random.choice((-1, 1)) * random.choice((Fraction(1, 2), Fraction(1), Fraction(3))),
         random.randint(-8, 8) * QUARTER,
         tuple(instant() for _ in range(6)),
-        tuple(random.choice((1, 0, -1)) for _ in range(3))
-        + random.choice(((1, 0, -1), (0, 1, 0), (0, 0, 0), (1, 1, -1))),
-        tuple(random.randint(0, 2) for _ in range(SLOTS)),
+        *shape(random.randrange(shapes)),
         random.choice((Fraction(1, 2), Fraction(1), QUARTER * places[0], QUARTER * places[1])),
         (first * QUARTER, second * QUARTER),
         random.choice((0, 0, 240240)),  # a multiple of all periods

@@ -28,14 +28,14 @@ def draw(random, shapes: int) -> Case:
     )
     start = Fraction(random.randint(-2, 2), 4) + Fraction(1, 8), Fraction(0)
     edges = []
-    for i, (sources, direction, jumps) in enumerate(shape(random.randrange(shapes))):
+    for i, (sources, direction, jumps, priority) in enumerate(shape(random.randrange(shapes))):
         target = random.choice((*sources, *sources, random.randrange(linear.MODES)))
         shift = random.choice((-2, -1, 1, 2)) * Fraction(1, 2)
         edge = Edge(
             sources,
             target,
             jump=random.choice((Jump(hx=shift), Jump(hx=2 * shift))) if jumps else None,
-            priority=random.randint(0, 2),
+            priority=priority,
         )
         if i < GUARDS:
             level = Fraction(random.randint(-3, 3), 2) + random.choice((0, 0, quarter / 2))

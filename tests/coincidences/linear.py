@@ -109,14 +109,14 @@ class Case:
         )
 
 
-def shape(number: int) -> list[tuple[tuple[int, ...], int, bool]]:
-    """(sources, direction, jumps or not) of every slot."""
+def shape(number: int) -> list[tuple[tuple[int, ...], int, bool, int]]:
+    """(sources, direction, jumps or not, priority) of every slot."""
     random = randoms.Random(1000 + number)
     found = []
     for i in range(GUARDS + CLOCKS):
         sources = random.choice(((0,), (0,), (1,), (2,), (0, 1), (1, 2), (0, 1, 2)))
         direction = random.choice((1, 1, -1, -1, 0)) if i < GUARDS else 0
-        found.append((sources, direction, random.random() < 0.5))
+        found.append((sources, direction, random.random() < 0.5, random.choice((0, 0, 0, 1, 2))))
     return found
 
 
@@ -130,7 +130,7 @@ def draw(random, shapes: int) -> Case:
     flows = [(half(random, 2), half(random, 2)) for _ in range(MODES)]
     start = half(random, 2), half(random, 2)
     edges: list[Edge] = []
-    for i, (sources, direction, jumps) in enumerate(shape(random.randrange(shapes))):
+    for i, (sources, direction, jumps, priority) in enumerate(shape(random.randrange(shapes))):
         target = random.choice((*sources, random.randrange(MODES), random.randrange(MODES)))
         if random.random() < 0.04:
             target = None
@@ -144,7 +144,7 @@ def draw(random, shapes: int) -> Case:
                     Jump(ky=Fraction(-1), hx=half(random, 1)),
                 )
             )
-        edge = Edge(sources, target, jump=jump, priority=random.choice((0, 0, 0, 1, 2)))
+        edge = Edge(sources, target, jump=jump, priority=priority)
         if i < GUARDS:
             urgent = random.choice((None, None, None, False, True if direction else None))
             delay = Fraction(random.randint(1, 4), 4) if random.random() < 0.1 else Fraction(0)
