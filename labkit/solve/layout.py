@@ -159,6 +159,7 @@ def workspace(z):
         ("ahead", "f", (4, z.width)),
         ("g_ahead", "f", (z.guards + 2,)),
         ("g_look", "f", (z.guards + 2,)),
+        ("g_away", "f", (z.guards + 2,)),
         ("rate_a", "f", (z.width,)),
         ("rate_b", "f", (z.width,)),
         ("y_probe", "f", (y,)),

@@ -88,17 +88,17 @@ def smaller(w, n, t, y, slot):
 
 
 def look(model, w, p, mode, n, t, e, order, out):
-    """Guards at t + e into `out`, after one step e along the flow: Euler's (order 1), Heun's (2) or the classical one (4)."""
+    """Guards at t + e into `out`, after one step e along the flow: Heun's (order 2) or the classical one (4)."""
     one, two, three, four = w.k[0], w.ahead[1], w.ahead[2], w.ahead[3]
     y, look = w.y, w.y_look
+    part = e if order == 2 else 0.5 * e
     for i in range(n):
-        look[i] = y[i] + (0.5 * e if order == 4 else e) * one[i]
+        look[i] = y[i] + part * one[i]
+    rates(model, w, mode, n, t + part, look, p, two)
     if order == 2:
-        rates(model, w, mode, n, t + e, look, p, two)
         for i in range(n):
             look[i] = y[i] + 0.5 * e * (one[i] + two[i])
-    if order == 4:
-        rates(model, w, mode, n, t + 0.5 * e, look, p, two)
+    else:
         for i in range(n):
             look[i] = y[i] + 0.5 * e * two[i]
         rates(model, w, mode, n, t + 0.5 * e, look, p, three)
@@ -112,14 +112,38 @@ def look(model, w, p, mode, n, t, e, order, out):
     w.i[GUARDS] += 1
 
 
-def slope_ahead(model, w, p, mode, n, t, k, value):
-    """dg/dt of the k-th guard along the flow; all guards are looked at once, a ten-thousandth of a step ahead."""
-    e = max(1e-4 * w.f[H], 1e6 * EPS * max(abs(t), abs(w.f[BEFORE])))
+def straight(model, w, p, mode, n, t, y, rate, e, out):
+    """By how much all guards change in a time e with a constant rate: central differences, so that no guard's own curve counts.
+
+    One that is not defined before t is taken from t on.
+    """
+    for i in range(n):
+        w.y_look[i] = y[i] - e * rate[i]
+    watch(model, w, mode, n, t - e, w.y_look, p, w.g_look)
+    for i in range(n):
+        w.y_look[i] = y[i] + e * rate[i]
+    watch(model, w, mode, n, t + e, w.y_look, p, out)
+    w.i[GUARDS] += 2
+    for k in range(watch_count(w, mode)):
+        if isfinite(w.g_look[k]):
+            out[k] = 0.5 * (out[k] - w.g_look[k])
+        else:
+            out[k] -= w.g[k]
+
+
+def nearby(w, t):
+    """A ten-thousandth of a step: how far slopes are looked for."""
+    return max(1e-4 * w.f[H], 1e6 * EPS * max(abs(t), abs(w.f[BEFORE])))
+
+
+def slope_ahead(model, w, p, mode, n, t, k):
+    """dg/dt of the k-th guard along the flow; all guards are worked out at once."""
+    e = nearby(w, t)
     if w.i[AHEAD] == 0:
         know_flow(model, w, p)
-        look(model, w, p, mode, n, t, e, 1, w.g_ahead)
+        straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_ahead)
         w.i[AHEAD] = 1
-    return (w.g_ahead[k] - value) / e
+    return w.g_ahead[k] / e
 
 
 def leaving(model, w, p, mode, n, t, k, value, band):
@@ -127,7 +151,7 @@ def leaving(model, w, p, mode, n, t, k, value, band):
 
     Where ±2, w.f[LATER] is when it is clear of zero, and w.f[GONE] how far it was w.f[GONE_T] from now.
     """
-    slope = slope_ahead(model, w, p, mode, n, t, k, value)
+    slope = slope_ahead(model, w, p, mode, n, t, k)
     tick = max(abs(t), abs(w.f[BEFORE])) * EPS
     first = CLEAR * tick if tick > 0.0 else 1e-13 * w.f[H]
     if slope != 0.0 and isfinite(slope):
@@ -150,9 +174,9 @@ def leaving(model, w, p, mode, n, t, k, value, band):
             if found == 0:
                 found = 2 if gone > 0.0 else -2
                 w.f[GONE], w.f[GONE_T] = abs(gone), e
-                look(model, w, p, mode, n, t, e, 1, w.g_look)
-                straight = w.g_look[k] - value
-                if (straight > 0.0) == (gone > 0.0) and abs(straight) > 0.25 * abs(gone):
+                straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
+                by_slope = w.g_away[k]
+                if (by_slope > 0.0) == (gone > 0.0) and abs(by_slope) > 0.25 * abs(gone):
                     w.f[LATER] = t
                     return 1 if gone > 0.0 else -1  # by its slope after all
             if (gone > 0.0) != (found > 0):
@@ -162,7 +186,7 @@ def leaving(model, w, p, mode, n, t, k, value, band):
                 tolerated = 0.01 * w.f[RTOL] * gauge(model, w, p, mode, n, t, w.y, k, value, 1)
             if abs(gone) > tolerated:
                 break
-        e *= 8.0
+        e *= 2.0 if found == 0 else 8.0
     return found
 
 
@@ -201,11 +225,11 @@ def sides(model, w, p, how, fired):
         own = doubt(model, w, p, mode, n, t, w.y, k, value)
         band = own + 2.0 * w.slack[slot]
         clear = abs(value) > band
-        if clear and i[LOCATE] == 1 and how != START:
+        if clear and i[LOCATE] == 1:
             # On the surface within the rounding of the clock: its crossing belongs to this instant
             steep = w.swing[slot]
-            if how == ENTERED:
-                steep = abs(slope_ahead(model, w, p, mode, n, t, k, value))
+            if how == ENTERED or how == START:
+                steep = abs(slope_ahead(model, w, p, mode, n, t, k))
             if abs(value) <= tick * steep:
                 clear = False
                 band += abs(value)
@@ -227,7 +251,7 @@ def sides(model, w, p, how, fired):
             beyond = directed and now > 0
             turned = 0
             if not clear and (not directed or urgent == NO):
-                turned = turned_back(model, w, p, mode, n, t, k, value, band, now)
+                turned = turned_back(model, w, p, mode, n, t, k, band, now)
             if w.wait[slot] == 1:  # it leaves the mode before, too
                 w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
             elif q != fired:
@@ -260,7 +284,7 @@ def leaves(w, q, mode):
     return w.source[q][mode] == 1 or w.i[SLIDING] == 1 and w.source[q][w.i[SLIDE_B]] == 1
 
 
-def turned_back(model, w, p, mode, n, t, k, value, band, now):
+def turned_back(model, w, p, mode, n, t, k, band, now):
     """Has a change of mode without a jump turned back a guard that is zero (1), or did it come from where it goes (0)?
 
     It has the far side of the arrival: the sign of its slope along the flow of the mode before.
@@ -272,14 +296,10 @@ def turned_back(model, w, p, mode, n, t, k, value, band, now):
     for i in range(n):
         if abs(line[5 + i] - w.y[i]) > 64.0 * EPS * w.most[i]:
             return 0
-    e = max(1e-4 * w.f[H], 1e6 * EPS * max(abs(t), abs(w.f[BEFORE])))
     flow(model, before, t, w.y, p, w.ahead[1])
-    for i in range(n):
-        w.y_look[i] = w.y[i] + e * w.ahead[1][i]
-    watch(model, w, mode, n, t + e, w.y_look, p, w.g_look)
+    straight(model, w, p, mode, n, t, w.y, w.ahead[1], nearby(w, t), w.g_away)
     w.i[FLOWS] += 1
-    w.i[GUARDS] += 1
-    far = w.g_look[k] - value
+    far = w.g_away[k]
     return 1 if abs(far) > 2.0 * band and (far > 0.0) != (now > 0) else 0
 
 
@@ -294,16 +314,11 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     line = w.ledger[w.i[LEDGER] - 1]
     e = w.f[GONE_T] if order == 1 or order == -1 else 0.125 * w.f[GONE_T]
     for i in range(n):
-        w.y_look[i] = line[5 + i]
-    watch(model, w, mode, n, t, w.y_look, p, w.g_look)
-    value = w.g_look[k]
-    rates(model, w, mode, n, t, w.y_look, p, w.ahead[1])
-    for i in range(n):
-        w.y_look[i] += e * w.ahead[1][i]
-    watch(model, w, mode, n, t + e, w.y_look, p, w.g_look)
+        w.y_shake[i] = line[5 + i]
+    rates(model, w, mode, n, t, w.y_shake, p, w.ahead[1])
+    straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     w.i[FLOWS] += 1
-    w.i[GUARDS] += 2
-    moved = w.g_look[k] - value
+    moved = w.g_away[k]
     if order == 1 or order == -1:
         return 1 if moved * order < 0.0 else 0
     return 1 if 8.0 * abs(moved) > 0.1 * w.f[GONE] else 0
