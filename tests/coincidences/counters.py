@@ -102,7 +102,7 @@ def generate(random, shapes: int = SHAPES) -> Case:
         *shape(random.randrange(shapes)),
         random.choice((Fraction(1, 2), Fraction(1), QUARTER * places[0], QUARTER * places[1])),
         (first * QUARTER, second * QUARTER),
-        random.choice((0, 0, 240240)),  # a multiple of all periods
+        random.choice((0, 0, 180180)),  # a multiple of all periods: lcm(1 … 16)/4
         random.choice((QUARTER * places[0], QUARTER * places[1], Fraction(4), Fraction(9, 2))),
     )
 
