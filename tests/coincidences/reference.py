@@ -27,7 +27,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-MOST_AT_ONCE = 12
+MOST_AT_ONCE, MOST = 12, 60
 Pair = tuple[Fraction, Fraction]
 
 
@@ -142,6 +142,8 @@ class Story:
         self.begin()
         self.instant(set(), set())
         while not self.over:
+            if len(self.lines) > MOST:
+                raise Unclear("events without end: they may pile up")
             crossings = {
                 e: self.t - self.value(e) / self.rate(e)
                 for e, side in self.side.items()
