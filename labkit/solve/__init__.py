@@ -22,7 +22,7 @@ from ..run import Run, Runs
 from . import core
 from .backend import compiled, core_is_kept, load_core
 from .batch import Batch, gather
-from .functions import check_functions
+from .check import check_functions
 from .methods import DEGREE, FIXED_STEP, METHODS, explicit, proxy
 
 __all__ = ["METHODS", "simulate", "simulate_many", "warm"]

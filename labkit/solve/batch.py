@@ -15,10 +15,11 @@ from ..model import Every, ModelError, listed
 from ..run import Event, Events, Run, Runs, Touch, Work
 from . import core
 from .backend import addresses
-from .functions import Plain, orientations
+from .check import trouble
 from .lanes import sweep
 from .layout import workspace
 from .methods import FIXED_STEP
+from .plain import Plain, orientations
 from .scipy_step import SciPyStep
 
 if TYPE_CHECKING:
@@ -208,7 +209,9 @@ class Batch:
         if status == core.QUEUE_FULL:
             return f'too many dead-time transitions under way at {t}: "{name}"'
         if status == core.GUARD_NAN:
-            return f'not a number: the guard of "{name}" at {t}'
+            mode = self.settings.modes[w.i[core.MODE]]
+            why = trouble(system, mode, float(w.f[core.T]), self.state(mode), self.parameters())
+            return why or f'not a number: the guard of "{name}" at {t}'
         return self._why_no_step(t)
 
     def _why_no_step(self, t: str) -> str:
@@ -216,6 +219,10 @@ class Batch:
         system, mode = self.settings.system, self.settings.modes[self.w.i[core.MODE]]
         names = system.states_of(mode)
         y = [float(v) for v in list(self.w.y)[: len(names)]]
+        if why := trouble(
+            system, mode, float(self.w.f[core.T]), self.state(mode), self.parameters()
+        ):
+            return why
         # The last attempt's stages are still there: one that is no number tells more than the tiny step
         stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(
             -1, self.settings.width
@@ -226,6 +233,19 @@ class Batch:
         if abs(y[biggest]) > 1e8 or self.settings.method in FIXED_STEP:
             return f"diverged: |{names[biggest]}| = {abs(y[biggest]):.3g} at {t}"
         return f"no step is short enough at {t} in mode {mode!r}: the flow is singular there, or stiff (try method='Radau')"
+
+    def state(self, mode: str) -> list[float]:
+        """The state of the lane under way, in the order of S[mode]."""
+        y = list(self.w.y)
+        return [
+            float(y[place])
+            for place in self.settings.system.places(mode).values()
+            if place < len(y)
+        ]
+
+    def parameters(self) -> tuple:
+        """Those of the lane that has just ended."""
+        return self.settings.system.P(*self.p[self.w.i[core.LANE] - 1].tolist())
 
     def rows(self, name: str, count: int) -> np.ndarray:
         """The first rows of an output; compiled, they lie in memory that the next run writes to."""

@@ -11,7 +11,7 @@ from . import core
 
 if TYPE_CHECKING:
     from . import Settings
-    from .functions import Plain
+    from .plain import Plain
 
 
 class SciPyStep:
