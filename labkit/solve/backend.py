@@ -470,12 +470,13 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
     return code or _compiled(system, False)  # its thread may have ended since it was last asked for
 
 
+_SWITCHED_OFF = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
 def _unavailable() -> str:
     if llvm is None:
         return "needs Numba, which is not installed here"
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        return "is switched off by NUMBA_DISABLE_JIT"
-    return ""
+    return "is switched off by NUMBA_DISABLE_JIT" if _SWITCHED_OFF else ""
 
 
 def _compiled(system: System, wait: bool) -> Code | None:

@@ -16,18 +16,28 @@ from typing import Any
 import numpy as np
 
 
+_NOTHING = object()
+
+
 class Reads:
-    """Reads(): looks things up and remembers how, and a copy of what can be changed in place."""
+    """Reads(): looks things up, and remembers how and what was there; a copy of what can be changed in place."""
 
     def __init__(self) -> None:
         self._done: dict[tuple, Any] = {}
-        self._watched: list[tuple[Callable[[], Any], Any, Any]] = []
+        # What is looked up again before every run, the cheapest first
+        self._texts: list[tuple[types.FunctionType, types.CodeType, Any, Any]] = []
+        self._names: list[tuple[dict[str, Any], str, Any]] = []
+        self._fixed: list[tuple[Callable[[], Any], Any]] = []
+        self._changing: list[tuple[Callable[[], Any], Any]] = []
 
     def _read(self, key: tuple, look: Callable[[], Any]) -> Any:
         if key not in self._done:
             value = look()
             self._done[key] = value
-            self._watched.append((look, value, _frozen(value)))
+            if _frozen(value) is not value:
+                self._changing.append((look, _frozen(value)))
+            elif key[0] != "name":
+                self._fixed.append((look, value))
         return self._done[key]
 
     def name(self, function: types.FunctionType, name: str) -> Any:
@@ -35,24 +45,11 @@ class Reads:
         free = function.__code__.co_freevars
         if name in free:
             cell = function.__closure__[free.index(name)]  # type: ignore[index]
-
-            def inner() -> Any:
-                try:
-                    return cell.cell_contents
-                except ValueError:
-                    raise NameError(f"name {name!r} has no value yet") from None
-
-            return self._read(("cell", id(cell)), inner)
+            return self._read(("cell", id(cell)), lambda: _content(cell, name))
         space = function.__globals__
-
-        def look() -> Any:
-            if name in space:
-                return space[name]
-            if hasattr(builtins, name):
-                return getattr(builtins, name)
-            raise NameError(f"name {name!r} is not defined")
-
-        return self._read(("name", id(space), name), look)
+        if ("name", id(space), name) not in self._done:
+            self._names.append((space, name, space.get(name, _NOTHING)))
+        return self._read(("name", id(space), name), lambda: _global(space, name))
 
     def attribute(self, value: Any, name: str) -> Any:
         """reads.attribute(planet, "g") -> planet.g; AttributeError where there is nothing."""
@@ -62,21 +59,48 @@ class Reads:
         """reads.default(f, "table", value) -> value, the default of an argument, which may change in place."""
         return self._read(("default", id(function), name), lambda: value)
 
-    def text(self, function: types.FunctionType) -> types.CodeType:
-        """reads.text(f) -> its code and defaults, which some tools replace while the function stays."""
-        self._read(("defaults", id(function)), lambda: function.__defaults__)
-        self._read(("keywords", id(function)), lambda: function.__kwdefaults__)
-        return self._read(("code", id(function)), lambda: function.__code__)
+    def text(self, function: types.FunctionType) -> None:
+        """reads.text(f): its code and defaults, which some tools replace while the function stays."""
+        if ("text", id(function)) not in self._done:
+            self._done["text", id(function)] = function
+            parts = function.__code__, function.__defaults__, function.__kwdefaults__
+            self._texts.append((function, *parts))
 
     def same(self) -> bool:
         """reads.same() -> True while everything reads as it did."""
+        for function, code, defaults, words in self._texts:
+            if (
+                function.__code__ is not code
+                or function.__defaults__ is not defaults
+                or function.__kwdefaults__ is not words
+            ):
+                return False
+        for space, name, value in self._names:
+            if (now := space.get(name, _NOTHING)) is not value and not _equal(now, value):
+                return False
         try:
-            return all(
-                ((now := look()) is value and kept is value) or _equal(now, kept)
-                for look, value, kept in self._watched
-            )
+            for look, value in self._fixed:
+                if (now := look()) is not value and not _equal(now, value):
+                    return False
+            return all(_equal(look(), kept) for look, kept in self._changing)
         except (NameError, AttributeError):
             return False
+
+
+def _content(cell: types.CellType, name: str) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:
+        raise NameError(f"name {name!r} has no value yet") from None
+
+
+def _global(space: dict[str, Any], name: str) -> Any:
+    found = space.get(name, _NOTHING)
+    if found is _NOTHING:
+        found = getattr(builtins, name, _NOTHING)
+    if found is _NOTHING:
+        raise NameError(f"name {name!r} is not defined")
+    return found
 
 
 def _frozen(value: Any) -> Any:
