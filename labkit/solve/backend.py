@@ -426,7 +426,9 @@ class _State:
             # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
             self.program = Program(system, self.reads)
             self.key = self.program.key + HOW
-        except Unfit as error:
+        except (
+            Exception
+        ) as error:  # Unfit; anything else is a gap of the translator, and no more than that
             self.fail(system, error)
 
     def fail(self, system: System, error: Exception) -> None:

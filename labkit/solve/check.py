@@ -110,7 +110,8 @@ def line_of(error: BaseException) -> str:
     ]
     if not frames or not frames[-1].line:
         return ""
-    return f" (line {frames[-1].lineno}: {frames[-1].line.strip()})"
+    text = frames[-1].line.strip()
+    return f" (line {frames[-1].lineno}: {text if len(text) <= 70 else text[:67] + '…'})"
 
 
 def mistake(error: Exception, what: str, t: float, s: tuple, p: tuple) -> str:

@@ -28,6 +28,8 @@ CHECKED: dict[str, tuple[object, int, int]] = {
     "do_fmod": (math.fmod, 2, STRICT),
     "do_pow": (math.pow, 2, POLE),
     "do_power": (operator.pow, 2, POWER),
+    "do_division": (operator.truediv, 2, NEVER),  # NumPy's; Python's own is checked by Numba
+    "do_numpy_power": (operator.pow, 2, NEVER),
     "do_square": (2, 1, POWER),
     "do_cube": (3, 1, POWER),
     "do_fourth": (4, 1, POWER),
@@ -57,7 +59,7 @@ def _make(what: object, count: int, fails: int) -> object:
         return result
 
     def prepare(typing):
-        if callable(what):
+        if callable(what) and what not in (operator.truediv, math.fmod):
             typing.resolve_function_type(what, signature.args, {})
         return signature, codegen
 
@@ -67,9 +69,13 @@ def _make(what: object, count: int, fails: int) -> object:
 
 
 def _value(what: object, context, builder, signature, arguments):
+    if what is operator.truediv:
+        return builder.fdiv(*arguments)
+    if what is math.fmod:
+        return builder.frem(*arguments)
     if callable(what):
         return context.get_function(what, signature)(builder, arguments)
-    (x,) = arguments
+    x = arguments[0]
     if isinstance(what, str):
         return builder.call(builder.module.declare_intrinsic(what, [x.type]), [x])
     square = builder.fmul(x, x)

@@ -47,10 +47,18 @@ class Number:
 
     floating: bool
     bound: float | None = None
-    numpy: bool = False  # one of NumPy's whole numbers, which have rules of their own
+    numpy: bool = False  # one of NumPy's numbers: a division by zero is infinity, whole ones wrap
+    truth: bool = (
+        False  # of a comparison, as it stands in an expression: Numba adds and converts no truths
+    )
+
+    def counted(self) -> Number:
+        """The kind once it has been made a number."""
+        return Number(self.floating, self.bound, self.numpy)
 
 
-FLOAT, TRUTH = Number(True), Number(False, 1.0)
+FLOAT, TRUTH = Number(True), Number(False, 1.0, truth=True)
+OF_NUMPY = Number(True, numpy=True)
 
 
 @dataclass(frozen=True)
@@ -93,7 +101,8 @@ def number(kind: Any) -> Number | None:
     value = kind.value
     if isinstance(value, bool | int) or type(value).__name__ in ("int64", "bool", "bool_"):
         return Number(False, float(min(abs(int(value)), 10**300)), not isinstance(value, int))
-    return FLOAT if isinstance(value, float) else None
+    of_numpy = type(value).__name__ == "float64"
+    return (OF_NUMPY if of_numpy else FLOAT) if isinstance(value, float) else None
 
 
 def join(a: Any, b: Any) -> Any:
@@ -115,11 +124,12 @@ def join(a: Any, b: Any) -> Any:
 def growing(before: Any, after: Any, last: Any) -> Any:
     """growing(kinds of a variable in three rounds of a loop) -> its kind in all rounds.
 
-    What grows by no more each time is a count, and no count gets beyond 2⁵³ in a lifetime.
+    What grows by no more each time is a count, and no function is called that counts beyond 2³¹.
     """
     if not isinstance(last, Number) or last.bound is None or after == last:
         return last
     known = [number(kind) for kind in (before, after)]
     bounds = [(kind and kind.bound) or 0.0 for kind in known]
-    steady = last.bound - bounds[1] <= bounds[1] - bounds[0]
-    return Number(last.floating, MADE if steady else inf, last.numpy)
+    step = bounds[1] - bounds[0]
+    steady = last.bound - bounds[1] <= step
+    return Number(last.floating, last.bound + step * 2.0**31 if steady else inf, last.numpy)

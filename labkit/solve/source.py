@@ -22,12 +22,12 @@ import numpy as np
 
 from ..model import System, Transition
 from .checked import CHECKED
-from .kinds import FLOAT, Const, Items, Number, Other, Record, Table, Unfit, join, number
+from .kinds import FLOAT, OF_NUMPY, Const, Items, Number, Other, Record, Table, Unfit, join, number
 from .opaque import Opaque
 from .plain import orientations
 from .reads import Reads
 from .syntax import tree
-from .translate import Body, Piece, bind, literal, underlying
+from .translate import Body, Piece, as_float, bind, counted, literal, underlying
 
 FLOW, GUARDS, RESET = range(3)  # the reset that leaves mode m is RESET + m
 FAILED = 1_000_000
@@ -165,6 +165,7 @@ class Program:
         key = function, tuple((name, kind) for name, (_, kind) in given.items())
         if key in self._making or len(self._making) > DEEPEST:
             raise body.no(node, f"calls {function.__name__!r}, which calls itself (a recursion)")
+        given = {name: counted(piece) for name, piece in given.items()}
         passed = {
             name: piece for name, piece in given.items() if not isinstance(piece[1], Const | Record)
         }
@@ -220,7 +221,8 @@ class Program:
             self._names[key] = f"c{len(self._names)}"
             self.values[self._names[key]] = array.copy()
         if array.dtype == np.float64:
-            return self._names[key], Table(FLOAT, array.ndim)
+            own = isinstance(value, np.ndarray)
+            return self._names[key], Table(OF_NUMPY if own else FLOAT, array.ndim)
         bound = max(abs(int(array.min())), abs(int(array.max())))
         item = Number(False, float(bound), isinstance(value, np.ndarray) and array.dtype != bool)
         return self._names[key], Table(item, array.ndim)
@@ -272,7 +274,7 @@ def _fill(places: list[int], keep: list[str]) -> Callable[[Body, Any], list[str]
         for place, (text, kind) in zip(places, pieces, strict=True):
             if number(kind) is None and not isinstance(kind, Other):
                 raise body.no(value, "returns what is no number")
-            texts[place] = literal(float(kind.value)) if isinstance(kind, Const) else text
+            texts[place] = text if isinstance(kind, Other) else as_float((text, kind))
         return [*_store(texts)[:-1], *keep, "return"]
 
     return finish
@@ -282,7 +284,7 @@ def _store(values: dict[int, str]) -> list[str]:
     """Statements that put expressions into their places of out, all worked out before the first is put."""
     if len(values) == 1:
         return [*(f"out[{i}] = {text}" for i, text in values.items()), "return"]
-    lines = [f"value_{i} = float({text})" for i, text in values.items()]
+    lines = [f"value_{i} = {text}" for i, text in values.items()]
     return [*lines, *(f"out[{i}] = value_{i}" for i in values), "return"]
 
 
@@ -290,11 +292,11 @@ def _one(body: Body, value: Any) -> list[str]:
     text, kind = body.visit(value)
     if number(kind) is None and not isinstance(kind, Other):
         raise body.no(value, "returns what is no number")
-    return [f"return {literal(float(kind.value)) if isinstance(kind, Const) else text}"]
+    return [f"return {text if isinstance(kind, Other) else as_float((text, kind))}"]
 
 
 def _returned(body: Body, value: Any) -> list[str]:
-    text, kind = body.visit(value)
+    text, kind = counted(body.visit(value))
     body.returns.append(kind)
     if isinstance(kind, Const):
         text = literal(float(kind.value)) if number(kind) else "None"

@@ -29,6 +29,7 @@ from .kinds import (
     FLOAT,
     LARGE,
     MADE,
+    OF_NUMPY,
     TRUTH,
     Const,
     Items,
@@ -246,7 +247,7 @@ class Body:
         return name, kind
 
     def _set(self, name: str, piece: Piece, node: ast.AST) -> None:
-        text, kind = piece
+        text, kind = counted(piece)
         self.env[name], self.text[name] = kind, self.prefix + name.replace(" ", "__")
         if isinstance(kind, Record) or isinstance(kind, Const) and number(kind) is None:
             return  # it stands for what it is; nothing to compute
@@ -532,7 +533,7 @@ class Body:
             which = number(kind)
             if which is None or which.floating:
                 raise self.no(node, f"has an index that is no whole number: {_short(node)}")
-            texts.append(text if isinstance(kind, Const) else f"int({text})")
+            texts.append(text if isinstance(kind, Const) else f"int({counted((text, kind))[0]})")
         left = table[1].ndim - len(places)
         kind = Table(table[1].item, left) if left else table[1].item
         return f"{table[0]}[{', '.join(texts)}]", kind
@@ -544,7 +545,8 @@ class Body:
                 for e in (node.lower, node.upper, node.step)
             ]
             if all(isinstance(end, Const) for end in ends):
-                return "", Const(slice(*(end.value for end in ends)))
+                text = ":".join("" if end.value is None else str(end.value) for end in ends)
+                return text, Const(slice(*(end.value for end in ends)))
             raise self.no(node, f"has a slice that is not known: {_short(node)}")
         return self.visit(node)
 
@@ -576,7 +578,7 @@ class Body:
         try:
             kind = join(a, b) if a != b else _run_time(a)
             if isinstance(kind, Number):
-                one, two = self._float((one, a)), self._float((two, b))
+                one, two, kind = self._float((one, a)), self._float((two, b)), kind.counted()
             return f"({one} if {test} else {two})", kind
         except Unfit:
             raise self.no(
@@ -601,7 +603,8 @@ class Body:
             raise self.no(node, f"joins what are no numbers or conditions: {_short(node)}")
         truths = all(kind == TRUTH for _, kind in pieces)
         texts = [text if truths else self._float((text, kind)) for text, kind in pieces]
-        return f"({f' {word} '.join(texts)})", TRUTH if truths else functools.reduce(join, kinds)
+        kind = TRUTH if truths else functools.reduce(join, [each.counted() for each in kinds])
+        return f"({f' {word} '.join(texts)})", kind
 
     def _of_Compare(self, node: ast.Compare) -> Piece:
         pieces = [self.visit(each) for each in (node.left, *node.comparators)]
@@ -622,7 +625,7 @@ class Body:
             raise self.no(node, f"compares what is not compiled: {_short(node)}")
         for kind in kinds:
             self._every_digit(kind, node)
-        return self._plainly(signs, pieces), TRUTH
+        return self._plainly(signs, [counted(piece) for piece in pieces]), TRUTH
 
     @staticmethod
     def _plainly(signs: list, pieces: list[Piece]) -> str:
@@ -644,7 +647,7 @@ class Body:
         if value is None or isinstance(node.op, ast.Invert):
             raise self.no(node, f"is not compiled: {_short(node)}")
         text = self._float((text, kind))
-        return (f"(-{text})" if isinstance(node.op, ast.USub) else text), value
+        return (f"(-{text})" if isinstance(node.op, ast.USub) else text), value.counted()
 
     def _folding(self, node: ast.AST) -> _Folding:
         return _Folding(self, node)
@@ -677,15 +680,20 @@ class Body:
         if op is ast.Pow:
             return self._power(node, left, right)
         if op in (ast.BitAnd, ast.BitOr, ast.BitXor):
-            if x.floating or y.floating or max(x.bound, y.bound) > 1:
+            if not (x.truth and y.truth):
                 raise self.no(node, f"is not compiled: {_short(node)}")
             return f"({a} {sign} {b})", TRUTH
+        numpy = x.numpy or y.numpy
+        if op is ast.Div and numpy and not (isinstance(two, Const) and two.value != 0):
+            return f"do_division({self._float(left)}, {self._float(right)})", OF_NUMPY
         if op in (ast.Div, ast.FloorDiv, ast.Mod) and not (
             isinstance(two, Const) and two.value != 0
         ):
             self.fails = True
         if x.bound is None or y.bound is None:  # no whole numbers among themselves
-            return f"({self._in_float(left)} {sign} {self._in_float(right)})", FLOAT
+            return f"({self._in_float(left)} {sign} {self._in_float(right)})", Number(
+                True, numpy=numpy
+            )
         if op in (ast.FloorDiv, ast.Mod):
             self._every_digit(x, node)
             self._every_digit(y, node)
@@ -703,9 +711,8 @@ class Body:
                 node,
                 f"has whole numbers that may grow beyond 2**63, {_short(node)}: make one of them a float",
             )
-        kind = (
-            FLOAT if bound is None else Number(x.floating or y.floating, bound, x.numpy or y.numpy)
-        )
+        floating = bound is None or x.floating or y.floating
+        kind = Number(floating, bound, numpy)
         return f"({self._float(left)} {sign} {self._float(right)})", kind
 
     def _power(self, node: ast.AST, left: Piece, right: Piece) -> Piece:
@@ -722,7 +729,10 @@ class Body:
                     f"has whole numbers that may grow beyond 2**63, {_short(node)}: make one of them a float",
                 )
         floating = x.floating or y.floating or exponent is None or exponent < 0
-        kind = Number(floating, bound) if bound is not None else FLOAT
+        numpy = x.numpy or y.numpy
+        kind = Number(floating or bound is None, bound, numpy)
+        if numpy:
+            return f"do_numpy_power({self._float(left)}, {self._float(right)})", kind
         if exponent in (2, 3, 4):
             return (
                 f"do_{('square', 'cube', 'fourth')[int(exponent) - 2]}({self._float(left)})",
@@ -745,12 +755,7 @@ class Body:
 
     def _float(self, piece: Piece) -> str:
         """The piece as a float."""
-        text, kind = piece
-        if isinstance(kind, Const):
-            return literal(float(kind.value))
-        if kind == FLOAT:
-            return text
-        return f"float({text})"
+        return as_float(piece)
 
     def _in_float(self, piece: Piece) -> str:
         """The piece beside a float, which makes it one where it must."""
@@ -812,7 +817,7 @@ class Body:
             if function is bool and len(pieces) == 1:
                 return f"({pieces[0][0]} != 0)", TRUTH
             if function is abs and len(pieces) == 1:
-                return f"abs({self._float(pieces[0])})", numbers[0]
+                return f"abs({self._float(pieces[0])})", numbers[0].counted()
             if function is pow and len(pieces) == 2:
                 return self.binary(node, ast.Pow, *pieces)
         if function in (min, max) and not named:
@@ -868,7 +873,7 @@ class Body:
         text = f"{self.program.name(function)}({', '.join(arguments)})"
         numbers = [number(kind) is not None for _, kind in pieces]
         if isinstance(function, np.ufunc) and all(numbers) or function is np.interp and numbers[0]:
-            return text, FLOAT
+            return text, OF_NUMPY
         if function.__name__ in _PLACES:
             return text, Number(False, 2.0**31, True)
         return text, Other()
@@ -954,7 +959,23 @@ def _as_float(value: int) -> float:
         raise Unfit("a whole number is too large for a float") from None
 
 
+def as_float(piece: Piece) -> str:
+    """as_float(("(s[0] > 0)", TRUTH)) -> the piece as a float."""
+    text, kind = counted(piece)
+    if isinstance(kind, Const):
+        return literal(float(kind.value))
+    already = piece[1] == TRUTH or kind.floating and kind.bound is None
+    return text if already else f"float({text})"
+
+
+def counted(piece: Piece) -> Piece:
+    """The piece with a truth made a number."""
+    text, kind = piece
+    return (f"(1.0 if {text} else 0.0)", kind.counted()) if kind == TRUTH else piece
+
+
 def _tuple(pieces: Sequence[Piece]) -> Piece:
+    pieces = [counted(piece) for piece in pieces]
     if pieces and all(isinstance(kind, Const) for _, kind in pieces):
         return "None", Const(tuple(kind.value for _, kind in pieces))
     texts = [
