@@ -98,9 +98,8 @@ class Equations:
 
     def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
         """An expression, or {name: expression} where names are given, or Untraced."""
-        s = self.system.S[mode](
-            *(Quantity(self.states[name]) for name in self.system.states_of(mode))
-        )
+        kind = self.system.S[mode]
+        s = kind(*(Quantity(self.states[name]) for name in kind._fields))
         try:
             result = self._tracer.trace(function, Quantity(self.t), s, self._p)
             if names is None and isinstance(result, tuple):
@@ -118,13 +117,15 @@ class Equations:
 
     def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
         guard = None if tr.guard is None else self._trace(tr.guard, sources[0])
-        target = self.system.states_of(tr.target or sources[0])
-        return _Row(
-            tr,
-            sources,
-            guard,
-            None if tr.reset is None else self._trace(tr.reset, sources[0], target),
-        )
+        return _Row(tr, sources, guard, None if tr.reset is None else self._reset(tr, sources[0]))
+
+    def _reset(self, tr: Transition, source: str) -> Any:
+        """{name after the event: expression}, or Untraced; of a reset that names what changes, the rest is kept."""
+        if callable(tr.reset):
+            return self._trace(tr.reset, source, self.system.states_of(tr.target or source))
+        parts = self.system.reset_parts(tr, source).items()
+        traced = {n: self._trace(part, source) if part else self.states[n] for n, part in parts}
+        return next((e for e in traced.values() if isinstance(e, Untraced)), traced)
 
     def _functions(self, output: str) -> Mapping[str, Callable]:
         function = self.system.outputs[output].function

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..model import Every, ModelError, System, listed, number
-from .functions import check_functions
+from .check import check_functions
 from . import core
 from .settings import Settings
 

@@ -1,0 +1,526 @@
+"""Compiled = plain = Python: whole numbers, tables, constants wherever they stand, failures."""
+
+import ctypes
+import functools
+import linecache
+import math
+import os
+import random
+import subprocess
+import sys
+import textwrap
+import types
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from labkit import At, Mode, ModelError, System, Transition, simulate
+from labkit.solve import backend, cache
+from labkit.solve.kinds import Unfit
+from labkit.solve.plain import Plain, orientations
+from labkit.solve.source import Program
+
+ROOT = os.path.dirname(os.path.dirname(__file__))
+NUMBER = iter(range(10**9))
+
+
+def written(text, **names):
+    """The names that a piece of source defines, with its text at hand as in a notebook's cell."""
+    text, place = textwrap.dedent(text), f"<written {next(NUMBER)}>"
+    linecache.cache[place] = len(text), None, text.splitlines(True), place
+    space = {"math": math, "np": np, "__name__": "written", **names}
+    exec(compile(text, place, "exec"), space)
+    return space
+
+
+def flow_of(*texts, **names):
+    """The flow whose derivatives are these expressions."""
+    return written(f"flow = lambda t, s, p: ({', '.join(texts)},)", **names)["flow"]
+
+
+def one(flow, **more):
+    options = {"states": {"x": ""}, "parameters": {"k": 2.0}, "start": {"x": 1.0}} | more
+    return System("one", modes=[Mode("m", flow)], **options)
+
+
+def both(system, mode, t, y):
+    """(plain, compiled): what the flows of both back ends give for a mode, in one state."""
+    code, p, n = backend.compiled(system, wait=True), system.values(), len(y)
+    vector, pointer = ctypes.c_double * n, ctypes.POINTER(ctypes.c_double)
+    whole = ctypes.c_int64
+    kind = ctypes.CFUNCTYPE(None, whole, whole, ctypes.c_double, pointer, pointer, pointer)
+    slow, fast = [0.0] * n, vector()
+    Plain(system, orientations(system)).flow[mode](t, [*map(float, y)], p, slow)
+    kind(code.model)(0, mode, t, vector(*y), (ctypes.c_double * max(1, len(p)))(*p), fast)
+    return slow, list(fast)
+
+
+def slope(system):
+    """The derivative of x as the compiled back end has it at the start."""
+    plain, fast = both(system, 0, 0.0, [1.0])
+    assert plain == fast or plain != plain
+    return fast[0]
+
+
+# ---------------------------------------------------------------- random expressions
+
+EARTH = types.SimpleNamespace(R=6371000, big=10**18)
+TABLES = {
+    "U": [0.5, -1.25, 3.0],
+    "W": [3, -7, 11, 1000003],
+    "A": np.array([0.1, 0.2, 0.3, 0.4]),
+    "N": np.array([5, -6, 7]),
+    "M": ((1.5, 2.5), (3.5, 4.5)),
+    "R": 6371000,
+    "K": 100,
+    "n": 10,
+    "planet": types.SimpleNamespace(g=9.81, n=7, earth=EARTH),
+}
+HELPERS = """
+def half(a, b=2):
+    return a / b
+def pick(a, c=(1, 2.5)):
+    if a > c[0]:
+        return c[1] * a
+    return 0
+def count(a, m=5):
+    total = 0
+    for i in range(m):
+        if i * a < 3:
+            total += i
+    return total
+def power(a, e):
+    return a**e
+"""
+LEAVES = """s.x s.v t p.k 0 1 2 3 -1 7 0.5 -2.5 1e-3 10**9 2**40 R K n planet.g planet.n
+    planet.earth.R planet.earth.big len(U) U[1] W[3] W[-1] N[2] M[1][0] math.pi True (s.x>0)
+    int(t) int(s.x)""".split()
+ONE = """-({}) abs({}) int({}) round({}) float({}) math.floor({}) math.ceil({}) math.sqrt({})
+    math.exp({}) math.log({}) math.sin({}) math.atan({}) half({}) pick({}) count({}) ({})**2
+    ({})**3 2**({}) (-1)**int({}) U[int({})] W[int({})%4] A[int({})%4] N[int({})%3]
+    M[int({})%2][1]""".split()
+TWO = """({}+{}) ({}-{}) ({}*{}) ({}/{}) ({}//{}) ({}%{}) ({}**{}) min({},{}) max({},{})
+    half({},{}) power({},{}) math.hypot({},{}) (({})and({})) (({})or({}))
+    math.atan2({},{})""".split()
+POINTS = [(0.0, 1.5, -0.5), (2.7, -3.25, 1e6), (1.0, 0.0, 3.0), (13.0, 1e3, -2.0), (1e6, 40.5, 0.1)]
+
+
+def combined(inner):
+    three = st.builds("({} if {} > {} else {})".format, inner, inner, inner, inner)
+    alone = st.builds(lambda form, a: form.format(a), st.sampled_from(ONE), inner)
+    pairs = st.builds(lambda form, a, b: form.format(a, b), st.sampled_from(TWO), inner, inner)
+    return st.one_of(pairs, alone, three)
+
+
+EXPRESSIONS = st.recursive(st.sampled_from(LEAVES), combined, max_leaves=6)
+
+
+@functools.cache
+def helpers():
+    made = written(HELPERS)
+    return {name: made[name] for name in ("half", "pick", "count", "power")}
+
+
+def plane(flows):
+    modes = [Mode(f"m{k}", flow) for k, flow in enumerate(flows)]
+    return System("many", {"x": "", "v": ""}, {"k": 2.0}, modes, start={"x": 1, "v": 1})
+
+
+def fits(flow):
+    """Is it compiled? If not, the reason has its line."""
+    try:
+        Program(plane([flow]))
+    except Unfit as why:
+        assert "(line" in str(why) or "too large for a float" in str(why)
+        return False
+    return True
+
+
+def alike(a, b):
+    return a == b or (a != a and b != b) or abs(a - b) <= 1e-13 * abs(b)
+
+
+@settings(max_examples=8, suppress_health_check=list(HealthCheck))
+@given(st.lists(EXPRESSIONS, min_size=10, max_size=25))
+def test_random_expressions_are_pythons(texts):
+    flows = {text: flow_of(text, "0.0", **TABLES, **helpers()) for text in texts}
+    flows = {text: flow for text, flow in flows.items() if fits(flow)}
+    if flows:
+        system = plane(flows.values())
+        for k, text in enumerate(flows):
+            for t, *y in POINTS:
+                plain, fast = both(system, k, t, y)
+                assert alike(plain[0], fast[0]), (text, t, y, plain[0], fast[0])
+
+
+# ---------------------------------------------------------------- whole numbers
+
+R, C, K, N = 6371000, 299792458, 100, 10
+
+
+WHOLE = """1e20/R**3  c**3/1e25  K**n/1e20  K**(n-12)  100**10*s.x  10**-2  2**62*2**62*s.x
+    7//2*s.x  -7//2+s.x  -7%3+s.x  (s.x>0)*3+True  R*R*R*R*s.x  sum([R,R,R])**3/1e20
+    divmod(R,7)[1]*s.x  round(2.5)*s.x  round(3.14159,2)*s.x  int(-2.7*s.x)  abs(-R)**3*s.x
+    1_000_003**4%97*s.x  max(R,c)**3*s.x  (1<<40)**2*s.x  len([1,2])**100*s.x""".split()
+
+
+def test_whole_constants():
+    names = {"R": R, "c": C, "K": K, "n": N, "s": types.SimpleNamespace(x=1.0)}
+    system = plane([flow_of(text, "0.0", **names) for text in WHOLE])
+    for k, text in enumerate(WHOLE):
+        right = float(eval(text, dict(names)))
+        assert both(system, k, 0.0, [1.0, 0.0]) == ([right, 0.0], [right, 0.0]), text
+
+
+def test_whole_numbers_in_closures_defaults_and_helpers():
+    def make(c):
+        def cube(x, e=3):
+            return x**e
+
+        def flow(t, s, p, R=R, *, K=K):
+            return (1e20 / R**3 + cube(c) / 1e25 + cube(K, 10) / 1e20 + 0 * s.x,)
+
+        return flow
+
+    assert slope(one(make(C))) == pytest.approx(1e20 / R**3 + C**3 / 1e25 + 1, 1e-15)
+
+
+def test_counting_in_loops():
+    flow = written(
+        """
+        def flow(t, s, p):
+            total, k, product = 0, 0, 1
+            for i in range(10):
+                total += i
+                product = product * 3
+            while k * k < 50 * s.x:
+                k += 1
+            for a, b in zip((1, 2), (0.5, 0.25)):
+                total += a * b
+            return (total + k + product,)
+        """
+    )["flow"]
+    assert slope(one(flow)) == 45 + 1 + 8 + 3**10
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (
+            "k = 1\n    while k < s.x + 1e30:\n        k *= 10\n    return (k,)",
+            r"\(line 4\) .* 2\*\*63",
+        ),
+        ("return (int(t) * int(s.x),)", r"\(line 2\) has whole numbers that may grow beyond"),
+        ("return ((105 * int(t) + 1245) % 2147483648,)", "every digit counts"),
+        ("return (round(s.x, 2),)", r"\(line 2\) calls round"),
+        ("print(s.x)\n    return (1.0,)", r"the flow of mode 'm' \(line 2\) calls print"),
+        ("assert s.x > 0\n    return (1.0,)", r"\(line 2\) has a statement .* `assert s.x > 0`"),
+        (
+            "if s.x > 2:\n        raise ValueError\n    return (1.0,)",
+            r"\(line 3\) .*`raise ValueErr",
+        ),
+        ("return (random.random(),)", r"calls Random.random"),
+        ("return (np.random.normal(),)", r"calls .*RandomState.normal"),
+        ("return (generator.normal(),)", r"calls .*Generator.normal"),
+        ("return (helper(s.x),)", r"calls 'helper': it \(line 2\) calls list.append"),
+        ("if s.x > 2:\n        return (1.0,)", "can end without a `return`"),
+        ("return (s['x'],)", "s\\.x, not s\\['x'\\]"),
+        ("return (again(s.x),)", "calls itself"),
+    ],
+)
+def test_what_is_not_compiled_runs_plain_and_says_why(body, words):
+    helper = written("def helper(x):\n    log.append(x)\n    return x", log=[])["helper"]
+    again = written("def again(x):\n    return x if x < 0 else again(x - 1)")["again"]
+    names = {"random": random, "generator": np.random.default_rng(1), "helper": helper}
+    flow = written(f"def flow(t, s, p):\n    {body}", again=again, **names)["flow"]
+    system = one(flow, start={"x": 0.5})
+    with pytest.raises(ModelError, match=words), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        simulate(system, 1.0, backend="compiled")
+    if "s[" not in body and "if s.x > 2:\n        return" not in body:
+        with pytest.warns(UserWarning, match="'one' runs in plain Python, because the flow"):
+            try:
+                assert simulate(one(flow, start={"x": 0.5}), 1.0).work.backend == "plain"
+            except ModelError as error:
+                assert "returns None" in str(error)
+
+
+# ---------------------------------------------------------------- never an old value
+
+
+class Planet:
+    n = 2
+
+    def __init__(self):
+        self.g, self.deep = 9.81, types.SimpleNamespace(R=3)
+
+
+def test_constants_in_modules_and_objects():
+    module, planet = types.ModuleType("module"), Planet()
+    module.g, module.table, module.inner = 1.5, [1.0, 2.0], types.SimpleNamespace(k=4)
+    text = "module.g + 10*planet.g + 100*planet.deep.R + 1000*planet.n + module.table[int(t)]"
+    system = one(flow_of(text + " + 1e4*module.inner.k", module=module, planet=planet))
+
+    def right():
+        s, t = types.SimpleNamespace(x=1.0), 0.0
+        return eval(
+            text + " + 1e4*module.inner.k", {"module": module, "planet": planet, **locals()}
+        )
+
+    for change in (
+        lambda: None,
+        lambda: setattr(module, "g", 2.5),
+        lambda: setattr(planet, "g", 1.62),
+        lambda: setattr(planet.deep, "R", 5),
+        lambda: setattr(planet, "deep", types.SimpleNamespace(R=7)),
+        lambda: setattr(Planet, "n", 3),
+        lambda: module.table.__setitem__(0, -1.0),
+        lambda: setattr(module.inner, "k", 5),
+        lambda: setattr(module, "g", 2),
+    ):
+        change()
+        assert slope(system) == right()
+
+
+def test_tables_that_change_in_place():
+    A, L, nested, shared = np.ones(3001), [1.0, 2.0], ([1, 2], [3, 4]), {"a": 1}
+    space = written(
+        """
+        def helper(x, M=M):
+            return M[0] * x
+        def flow(t, s, p, A=A, *, L=L):
+            return (A[1500] + L[0] + nested[1][int(t)] + helper(s.x),)
+        """,
+        A=A, L=L, M=np.array([2.0, 0.0]), nested=nested,
+    )  # fmt: skip
+    system = one(space["flow"])
+    assert slope(system) == 1 + 1 + 3 + 2
+    A[1500] = 5.0
+    assert slope(system) == 5 + 1 + 3 + 2
+    L[0] = 7.0
+    assert slope(system) == 5 + 7 + 3 + 2
+    nested[1][0] = -3
+    assert slope(system) == 5 + 7 - 3 + 2
+    space["helper"].__defaults__[0][0] = 4.0
+    assert slope(system) == 5 + 7 - 3 + 4
+    space["flow"].__kwdefaults__ = {"L": [0.0]}
+    assert slope(system) == 5 + 0 - 3 + 4
+    space["helper"].__code__ = written("def helper(x, M=0):\n    return 9.0")["helper"].__code__
+    del shared
+
+
+def test_a_value_is_part_of_the_key_with_all_its_bytes():
+    A = np.zeros(5000)
+    system = one(flow_of("A[int(t)]", A=A))
+    first = Program(system).key
+    A[2500] = 1e-300
+    assert Program(system).key != first
+    A[2500] = 0.0
+    assert Program(system).key == first
+
+
+def test_a_slider_compiles_and_translates_nothing(monkeypatch):
+    system = one(flow_of("p.k*A[int(t)]", A=np.arange(3.0)))
+    simulate(system, 1.0, backend="compiled")
+    monkeypatch.setattr(backend, "Program", None)
+    for k in (1.0, 2.0):
+        assert simulate(system, 1.0, backend="compiled", k=k).work.backend == "compiled"
+
+
+# ---------------------------------------------------------------- failures are the same
+
+
+@pytest.mark.parametrize("kind", ["compiled", "plain"])
+def test_an_index_beyond_its_table_ends_the_run_in_words(kind):
+    for table in ([1.0, 2.0, 3.0], np.arange(3.0), (1, 2, 3)):
+        run = simulate(one(flow_of("U[int(t)]", U=table)), 10.0, backend=kind)
+        assert run.t[-1] == pytest.approx(3.0) and "the flow of mode 'm'" in run.stopped
+        assert "index" in run.stopped and "out of" in run.stopped and "U[int(t)]" in run.stopped
+    for text, right in (("U[-1]", 3.0), ("U[-int(s.x)-2]", 1.0), ("M[1][-2]", 3.0)):
+        tables = {"U": [1.0, 2.0, 3.0], "M": np.array([[1.0, 2.0], [3.0, 4.0]])}
+        assert simulate(one(flow_of(text, **tables)), 1e-3, backend=kind).final["x"] == (
+            pytest.approx(1 + 1e-3 * right)
+        )
+
+
+@pytest.mark.parametrize("kind", ["compiled", "plain"])
+def test_a_logistic_switch_whose_exp_overflows(kind):
+    flow = flow_of("-1.0 / (1.0 + math.exp(-s.x / 0.001)) - 0.5")
+    run = simulate(one(flow, start={"x": 0.5}), 3.0, backend=kind)
+    assert run.final["x"] == pytest.approx(-4 / 3, abs=2e-3)
+
+
+FAILURES = """1/(s.x-1)  math.sqrt(-s.x)  math.log(s.x-1)  (-s.x)**0.5  (s.x-1)**-1  s.x%(s.x-1)
+    s.x//(s.x-1)  int(1e308*s.x*10)  math.asin(2*s.x)  math.fmod(s.x,0.0)  (1e200*s.x)**2
+    1/(1+1/(s.x-1))  max(0.0,math.log(s.x-1))  U[int(5*s.x)]  1/(U[0]-1)""".split()
+
+
+def test_a_failure_is_not_a_number_in_both():
+    system = plane([flow_of(text, "0.0", U=[1.0, 2.0]) for text in FAILURES])
+    for k, text in enumerate(FAILURES):
+        plain, fast = both(system, k, 0.0, [1.0, 0.0])
+        assert math.isnan(plain[0]) and math.isnan(fast[0]), text
+
+
+def test_a_failing_guard_leaves_the_others_their_values():
+    guards = [flow_of("math.sqrt(s.x)"), flow_of("s.x - 5")]
+    guards = [written("g = lambda t, s, p: f(t, s, p)[0]", f=f)["g"] for f in guards]
+    made = [Transition("m", "m", guard=guard) for guard in guards]
+    system = one(flow_of("1.0"), transitions=made)
+    code, vector = backend.compiled(system, wait=True), ctypes.c_double * 2
+    whole, pointer = ctypes.c_int64, ctypes.POINTER(ctypes.c_double)
+    kind = ctypes.CFUNCTYPE(None, whole, whole, ctypes.c_double, pointer, pointer, pointer)
+    out = vector()
+    kind(code.model)(1, 0, 0.0, vector(-1.0, 0.0), vector(2.0, 0.0), out)
+    assert math.isnan(out[0]) and out[1] == -6.0
+
+
+# ---------------------------------------------------------------- what else is a function
+
+
+class Law:
+    def __init__(self, g):
+        self.g = g
+
+    def __call__(self, t, s, p):
+        return (self.g * s.x,)
+
+    def method(self, t, s, p):
+        return (self.g + s.x,)
+
+
+def test_partials_objects_and_methods():
+    law = Law(3.0)
+    part = functools.partial(written("def f(k, t, s, p, m=1):\n    return (k*m*s.x,)")["f"], 2, m=5)
+    systems = [one(part), one(law), one(law.method)]
+    assert [slope(system) for system in systems] == [10.0, 3.0, 4.0]
+    law.g = 4.0
+    assert [slope(system) for system in systems] == [10.0, 4.0, 5.0]
+    tables = np.arange(3.0), np.array([0.0, 10.0, 20.0])
+    assert slope(one(flow_of("np.interp(s.x, table[0], table[1])", table=tables))) == 10.0
+    deep = written("def f(x, n):\n    return x if n == 0 else 2 * f(x, n - 1)")["f"]
+    assert slope(one(flow_of("f(s.x, 5)", f=deep))) == 32.0
+
+
+@pytest.mark.parametrize("letter", ["\u00b5", "\u03d5", "\u03f5"])
+def test_letters_that_python_makes_into_others(letter):
+    flow = flow_of(f"-p.{letter} * s.x")
+    system = one(flow, parameters={letter: 0.5})
+    assert simulate(system, 1.0, **{letter: 1.0}).final["x"] == pytest.approx(math.exp(-1))
+    with pytest.raises(ModelError, match="the same to Python"):
+        one(flow, parameters={letter: 0.5, **dict.fromkeys(system.parameters, 1.0)})
+
+
+# ---------------------------------------------------------------- words
+
+
+def fall(flow, **more):
+    states, start = {"x": "m", "v": "m/s"}, {"x": 1.0, "v": 0.0}
+    return System("fall", states, {"g": 9.81}, [Mode("m", flow)], start=start, **more)
+
+
+GOOD = flow_of("s.v", "-p.g")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{s.v, -p.g}", "the flow of mode 'm' returns a set, which has no order"),
+        ("{'x': s.v, 'v': -p.g}", "returns a dict: it must return a tuple of 2 derivatives"),
+        ("None", r"returns None: .* \(is a `return` missing"),
+        ("'ab'", "returns 'ab': it must return a tuple"),
+        ("(s.v, '-9.81')", "returns '-9.81' for 'v': it must be a number"),
+        ("(s.v, None)", "returns None for 'v': it must be a number"),
+        ("(s['v'], -p.g)", r"read as s.x, not s\['x'\]"),
+        ("(s[5], 0.0)", "the flow of mode 'm' fails at the start, .*IndexError"),
+        ("(s.v, -G)", "the flow of mode 'm' asks for a name that is not there .*'G'"),
+        ("(s.v, -p.G)", "unknown name: 'P' object has no attribute 'G'"),
+        ("(np.ones(2), np.ones(2))", "returns array.* for 'x': it must be one number"),
+    ],
+)
+def test_flows_in_words(text, words):
+    flow = written(f"flow = lambda t, s, p: {text}")["flow"]
+    with pytest.raises(ModelError, match=words):
+        simulate(fall(flow), 1.0)
+
+
+def test_more_words():
+    assigns = written("def flow(t, s, p):\n    s.v = 0.0\n    return s.v, -p.g")["flow"]
+    later = written("def flow(t, s, p):\n    if s.x > 0.5:\n        return s.v, -p.g")["flow"]
+    longer = written("def flow(t, s, p):\n    return (s.v, -p.g) if s.x > 0.5 else (0, 1, 2)")[
+        "flow"
+    ]
+    none = Transition("m", "m", guard=lambda t, s, p: None)
+    mapping = Transition("m", "m", guard=lambda t, s, p: s.x, reset=lambda t, s, p: {"x": 1})
+    for make, words in (
+        (lambda: fall(assigns), "assigns to a state or parameter .*only a reset changes a state"),
+        (lambda: fall(later), "the flow of mode 'm' returns None"),
+        (lambda: fall(longer), "returns 3 values, but there are 2 states"),
+        (lambda: fall(GOOD, transitions=[none]), "the guard of 'm → m' returns None"),
+        (lambda: fall(GOOD, transitions=[mapping]), "the reset of 'm → m' returns a dict"),
+        (lambda: At([1.0, 2.0]), r"write the instants one by one, At\(1, 2\)"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            simulate(make(), 1.0, backend="plain")
+
+
+# ---------------------------------------------------------------- what is kept on disk
+
+posix = pytest.mark.skipif(
+    sys.platform == "win32", reason="a user's folders are kept by other means"
+)
+
+
+@posix
+def test_the_cache_is_a_folder_of_the_users_own(tmp_path, monkeypatch):
+    good = tmp_path / "good"
+    monkeypatch.setenv("LABKIT_CACHE", str(good))
+    cache.write("a.bin", b"code")
+    assert cache.folder() == good and cache.read("a.bin") == b"code" and cache.has("a.bin")
+    assert good.stat().st_mode & 0o777 == 0o700
+    (good / "a.bin").chmod(0o666)
+    assert cache.read("a.bin") is None
+    (good / "a.bin").chmod(0o600)
+    (good / "link.bin").symlink_to(good / "a.bin")
+    assert cache.read("link.bin") is None
+    good.chmod(0o777)
+    assert cache.folder() != good and cache.read("a.bin") is None
+    good.chmod(0o700)
+    (tmp_path / "link").symlink_to(good)
+    monkeypatch.setenv("LABKIT_CACHE", str(tmp_path / "link"))
+    assert cache.folder() != good and cache.read("a.bin") is None
+    monkeypatch.setenv("LABKIT_CACHE", str(tmp_path / "file" / "inside"))
+    (tmp_path / "file").write_text("")
+    assert cache.folder().stat().st_mode & 0o777 == 0o700  # one of this process's own
+    assert cache.folder() == cache.folder()
+
+
+@posix
+def test_a_folder_of_another_user_is_not_read(tmp_path, monkeypatch):
+    monkeypatch.setenv("LABKIT_CACHE", str(tmp_path))
+    tmp_path.chmod(0o700)
+    cache.write("a.bin", b"code")
+    monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    assert cache.folder() != tmp_path and cache.read("a.bin") is None
+
+
+def test_damaged_code_is_made_anew():
+    data = backend._packed(b"no machine code", b"")
+    assert backend._load(data) is None
+    assert backend._load(data[:-1]) is None and backend._load(b"") is None
+
+
+def test_numba_switched_off():
+    """Also where the compiled code lies on the disk already."""
+    program = (
+        "from tests.systems import ball\nfrom labkit import simulate, ModelError\n"
+        "print(simulate(ball(), 1.0).work.backend)\n"
+        "try: simulate(ball(), 1.0, backend='compiled')\nexcept ModelError as e: print(e)"
+    )
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": ROOT}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
+    assert done.stdout.split()[0] == "plain" and "NUMBA_DISABLE_JIT" in done.stdout, done.stderr
