@@ -104,7 +104,7 @@ def test_chattering_without_a_sliding_mode_is_named(backend):
         start={"x": 1.0},
     )
     run = simulate(system, 5.0, backend=backend)
-    assert re.match(r'endless loop at t = 1: 100 events at one instant, the last of them ".*" \(chattering', run.stopped)
+    assert re.match(r'endless loop at t = 1: [0-9]+ events at one instant, the last of them ".*" \(chattering', run.stopped)
     assert run.t[-1] == pytest.approx(1.0) and len(run.events) > 100  # what was computed is kept
 
 

@@ -26,10 +26,11 @@ from ..runs import Runs
 from . import core
 from .backend import core_is_kept, load_core
 from .batch import Batch, samples
+from .functions import check_functions
 from .methods import FIXED_STEP, METHODS
 from .options import count
 from .pool import Pool, pool_of, together
-from .starts import Refused, check_start, clocks, mapping, start_of, starts_of
+from .starts import Refused, check_at, clocks, mapping, start_of, starts_of
 
 __all__ = ["FIXED_STEP", "METHODS", "simulate", "simulate_many", "warm"]
 
@@ -43,7 +44,7 @@ def simulate(
     mode: str | None = None,
     method: str = "DOP853",
     rtol: float = 1e-8,
-    atol: float | None | Mapping[str, float] = 1e-10,
+    atol: float | Mapping[str, float] | None = None,
     step: float | None = None,
     max_step: float | None = None,
     points: int | np.ndarray = 500,
@@ -60,9 +61,9 @@ def simulate(
     method        "Euler", "Heun", "RK4" (with a fixed `step`, default a thousandth of the time),
                   "RK45" (Dormand–Prince 5(4)), "DOP853", or SciPy's "LSODA", "Radau", "BDF" for
                   stiff systems
-    rtol, atol    the error of a step is kept below atol + rtol·|state|. atol is a number in the
-                  unit of the states, or state name -> number; None (also for states that are not
-                  named): it follows from the state's own size
+    rtol, atol    the error of a step is kept below atol + rtol·|state|. atol is a number, or
+                  state name -> number in its unit; left out, also for states that are not named,
+                  it follows from the state's own size
     max_step      bounds the step
     points        number of equidistant samples, or an array of times; every event adds one before
                   and one after
@@ -89,13 +90,15 @@ def simulate(
     clock, refused = clocks(st, lanes)
     if refused:
         raise refused[0]
-    batch = pool.take(pool.code(1, lambda: check_start(st, state[0], first, p)), 1)
+    batch = pool.take(
+        pool.code(1, lambda: check_functions(system, p, st.options.t0, values, name)), 1
+    )
     batch.load(lanes, state, np.array([first]), clock)
     batch.run()
     ended, stopped = batch.endings[0]
     if ended is Ended.REFUSED:
         raise ModelError(stopped)
-    out = samples(st, batch.out.copy())
+    out = samples(batch.out.copy())
     ledger = batch.ledger()
     run = Run(
         system,
@@ -138,7 +141,7 @@ def simulate_many(
     mode: str | None = None,
     method: str = "DOP853",
     rtol: float = 1e-6,
-    atol: float | None | Mapping[str, float] = 1e-9,
+    atol: float | Mapping[str, float] | None = None,
     step: float | None = None,
     max_step: float | None = None,
     points: int | np.ndarray = 300,
@@ -153,7 +156,7 @@ def simulate_many(
 
     start, parameters   numbers, or one-dimensional arrays of one common length
     workers             threads that compiled runs are shared out over; left out: one a processor
-    the others          as in `simulate`, but with coarser rtol, atol and points, and fewer
+    the others          as in `simulate`, but with a coarser rtol, fewer points and fewer
                         max_events; a single `simulate` with these gives the same numbers
 
     A start that does not fit is that run's reason (Ended.REFUSED, and the sentence); its only
@@ -176,7 +179,7 @@ def simulate_many(
         for lane in range(len(p)):
             if lane not in refused:
                 try:
-                    return check_start(st, states[lane], modes[lane], system.P(*p[lane].tolist()))
+                    return check_at(st, states[lane], modes[lane], system.P(*p[lane].tolist()))
                 except ModelError as error:
                     refused[lane] = error
 
@@ -280,14 +283,13 @@ def _gather(
     if refused:
         starts = np.zeros((lanes - before, out.shape[1]))
         starts[:, 0], starts[:, 1] = st.options.t0, modes[~able]
-        starts[:, 3 : -st.length] = [-1, 0][: out.shape[1] - st.length - 3]  # nothing slides
-        starts[:, -st.length :] = states[~able]
+        starts[:, 3], starts[:, 5:] = -1, states[~able]
         out = np.insert(out, (ends - counts)[~able] - np.arange(len(starts)), starts, axis=0)
     backend = "plain" if batches[0].code is None else "compiled"
     return Runs(
         st.system,
         p,
-        samples(st, out),
+        samples(out),
         ends,
         [
             (Ended.REFUSED, str(refused[lane])) if lane in refused else next(endings)

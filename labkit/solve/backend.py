@@ -147,7 +147,7 @@ def _source(name: str) -> str:
 #: The core's files as one source: each takes from those before it.
 CORE = "\n".join(
     line
-    for name in ("layout", "sliding", "step", "locate", "core", "lanes")
+    for name in ("layout", "sliding", "step", "sides", "locate", "instant", "core", "lanes")
     for line in _source(name).splitlines()
     if not line.startswith("from .")
 )

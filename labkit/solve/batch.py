@@ -129,12 +129,19 @@ class Batch:
                 Touch(float(t), st.system.transitions[int(who)].name, float(by))
                 for t, who, by in w.touch[:count]
             ]
-        if notes := self._notes():
+        if notes := self._notes(lane):
             self.notes[lane] = notes
 
-    def _notes(self) -> list[str]:
+    def _notes(self, lane: int) -> list[str]:
         """Of the lane that has just ended: sentences about what was done but should be known."""
-        return []
+        places, notes = self.w.i[core.JUMPS], []
+        if places and self.w.done[lane][core.STATUS] != core.HIDDEN_JUMP:
+            more = f" and at {places - 1} more places" if places > 1 else ""
+            notes.append(
+                f"the flow seems to jump near t = {self.w.f[core.JUMP_T]:.6g}{more}: there the "
+                "steps became a thousand times shorter; make the jump an event"
+            )
+        return notes
 
     def _refused(self, lane: int) -> str:
         mode = int(self.w.mode0[lane])
@@ -153,7 +160,7 @@ class Batch:
         w = self.w
         for name, used in (
             ("ledger", w.i[core.LEDGER] + 2),
-            ("pieces", w.i[core.PIECES] + 1),
+            ("pieces", w.i[core.PIECES] + 2),
             ("out", w.i[core.OUT] + len(self.settings.options.grid) + 4),
         ):
             if used > self.sizes[name]:
@@ -200,24 +207,16 @@ class Batch:
 
     def pieces(self) -> np.ndarray:
         """Of the last lane: see Run.pieces."""
-        st, rows = self.settings, self._rows("pieces", self.w.i[core.PIECES], copy=True)
-        behind = (st.degree + 1) * st.width + len(st.system.held)
-        if rows.shape[1] - behind == 4:
-            return rows
-        made = np.empty((len(rows), 4 + behind))  # of a core that does not say what slides
-        made[:, :3], made[:, 3], made[:, 4:] = rows[:, :3], -1, rows[:, 3:]
-        return made
+        return self._rows("pieces", self.w.i[core.PIECES], copy=True)
 
 
 _FINISHED = (Ended.FINISHED, str(Ended.FINISHED))
 
 
-def samples(settings: Settings, out: np.ndarray) -> Samples:
-    """samples(settings, rows) -> rows t, mode, j[, other mode, its part], state… as Samples."""
-    first = out.shape[1] - settings.length
-    modes, j = out[:, 1].astype(int), out[:, 2].astype(int)
-    sliding = (out[:, 3].astype(int), out[:, 4].copy()) if first == 5 else (None, None)
-    return Samples(out[:, 0].copy(), modes, j, out[:, first:], *sliding)
+def samples(out: np.ndarray) -> Samples:
+    """samples(rows) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples."""
+    mode, j, other = out[:, 1:4].astype(int).T
+    return Samples(out[:, 0].copy(), mode, j, out[:, 5:], other, out[:, 4])
 
 
 class _Rows:

@@ -48,16 +48,15 @@ ENDINGS = {
         'too many dead-time transitions under way at t = {t:.6g}: "{name}"',
     ),
     core.GUARD_NAN: (Ended.NOT_A_NUMBER, 'not a number: the guard of "{name}" at t = {t:.6g}'),
-    # a status that the core does not know yet has no number of its own
-    getattr(core, "STIFF", None): (
+    core.STIFF: (
         Ended.STIFF,
-        "stiff at t = {t:.6g} in mode {mode!r}: the steps of {method} are as short as its "
-        "stability asks, not its accuracy (try method='Radau')",
+        "too many steps: {steps} by t = {t:.6g}: stiff: {method}, an explicit method, spends them "
+        "on stability (try method='Radau')",
     ),
-    getattr(core, "HIDDEN_JUMP", None): (
+    core.HIDDEN_JUMP: (
         Ended.JUMP,
-        "the flow of mode {mode!r} jumps near t = {t:.6g}: make it an event (a Transition with a "
-        "guard, or at=), or no step is short enough",
+        "too many steps: {steps} by t = {t:.6g}: the flow of mode {mode!r} jumps near "
+        "t = {jump:.6g}; make the jump an event",
     ),
 }
 
@@ -73,6 +72,7 @@ def ending(status: int, settings: Settings, w: core.Workspace) -> tuple[Ended, s
         mode=settings.modes[w.i[core.MODE]],
         t=w.f[core.T],
         zeno=w.f[core.ZENO_T],
+        jump=w.f[core.JUMP_T],
         same=w.i[core.SAME],
         events=w.i[core.LEDGER],
         steps=w.i[core.STEPS] + w.i[core.REJECTED],

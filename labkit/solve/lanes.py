@@ -5,59 +5,55 @@ The same source for both back ends, as core.py, whose `advance` carries on with 
 
 from math import isfinite
 
-from .core import advance, record, room
+from .core import advance
+from .instant import *
 from .layout import *
+from .sides import *
+from .step import first_step
 
 
-def begin(w, lane):
-    """Everything as it is at the start of a lane, and its first sample."""
+def begin(model, w, p, lane):
+    """Everything as it is at the start of a lane, its first sample, and the sides of its guards. PAUSE, or BAD_START."""
     place, lanes = w.i[OUT], w.i[LANES]
     for q in range(INTEGERS):
         w.i[q] = w.i0[q]
     for q in range(FLOATS):
         w.f[q] = w.f0[q]
-    w.i[LANES], w.i[LANE], w.i[BEGUN] = lanes, lane, 1
-    w.i[OUT], w.i[OUT_FROM], w.i[MODE] = place, place, w.mode0[lane]
-    for q in range(w.i[TRANSITIONS]):
-        w.hold[q] = 0
-        w.last_t[q], w.last_gap[q], w.last_ratio[q] = w.f[T0], 0.0, 0.0
-    for s in range(w.i[SCHEDULES]):
+    i, f = w.i, w.f
+    i[LANES], i[LANE], i[BEGUN] = lanes, lane, 1
+    i[OUT], i[OUT_FROM], i[MODE], i[ARRIVED] = place, place, w.mode0[lane], w.mode0[lane]
+    for q in range(i[TRANSITIONS]):
+        w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
+    for slot in range(i[TRANSITIONS] + 2):
+        w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
+        w.slack[slot], w.scale[slot], w.swing[slot] = 0.0, 0.0, 0.0
+    for s in range(i[SCHEDULES]):
         w.plan_next[s] = w.plan_next0[lane][s]
-    n = w.size[w.i[MODE]]
-    for q in range(n):
-        w.y[q] = w.y0[lane][q]
-    record(w, w.f[T], w.i[MODE], n, w.y)
-
-
-def fits(model, w, p):
-    """BAD_START if the flow or a guard is no number at the start, or a guard is passed already that does not say what then; else PAUSE."""
-    mode = w.i[MODE]
+    for m in range(i[MODES]):
+        w.felt[m] = 0
+    mode = i[MODE]
     n = w.size[mode]
-    flow(model, mode, w.f[T], w.y, p, w.k[0])
-    largest = 0.0
+    for q in range(i[WIDTH] + i[HELD]):
+        w.y[q] = w.y0[lane][q]
     for q in range(n):
-        largest = max(largest, abs(w.y[q]))
+        w.most[q] = 0.0
+    carry(w)
+    grown(w, n)
+    record(model, w, p, f[T], mode, n, w.y)
+    know_flow(model, w, p)
+    for q in range(n):
         if not isfinite(w.k[0][q]):
             return BAD_START
-    first, last = w.leave_from[mode], w.leave_from[mode + 1]
-    if last > first:
-        guards(model, mode, w.f[T], w.y, p, w.g)
-    for k in range(last - first):
-        transition = w.leave[first + k]
-        beyond = (
-            w.directed[transition] == 1
-            and w.urgent[transition] == REFUSE
-            and w.g[k] > 1e-9 * (1.0 + largest)
-        )
-        if beyond or not isfinite(w.g[k]):
-            return BAD_START
-    return PAUSE
+    if f[H] <= 0.0:
+        f[H] = first_step(model, w, p, mode, n)
+    status = sides(model, w, p, START, -9)
+    return BAD_START if status == GUARD_NAN else status
 
 
-def finish(w, lane, status):
+def finish(model, w, p, lane, status):
     """Whatever stopped it, the last state reached is the last sample; then what is kept of the lane."""
     i, done = w.i, w.done[lane]
-    record(w, w.f[T], i[MODE], w.size[i[MODE]], w.y)
+    record(model, w, p, w.f[T], i[MODE], w.size[i[MODE]], w.y)
     done[STATUS], done[LAST], done[END], done[EVENTS] = status, i[WHO], i[OUT], i[LEDGER]
     done[ACCEPTED], done[FAILED], done[RATES], done[LOOKS] = (
         i[STEPS],
@@ -65,6 +61,7 @@ def finish(w, lane, status):
         i[FLOWS],
         i[GUARDS],
     )
+    done[JUMPED] = i[JUMPS]
     i[LANE], i[BEGUN] = lane + 1, 0
 
 
@@ -82,15 +79,14 @@ def sweep(model, w, p, budget):
         if i[BEGUN] == 0:
             if room(w) < w.i0[SAMPLES]:
                 return GROW
-            begin(w, lane)
-            status = fits(model, w, mine)
+            status = begin(model, w, mine, lane)
         before = i[STEPS] + i[REJECTED]
         if status == PAUSE:
             status = advance(model, w, mine, budget)
         if status == PAUSE or status == GROW:
             return status
         budget = max(1, budget - 1 - (i[STEPS] + i[REJECTED] - before))
-        finish(w, lane, status)
+        finish(model, w, mine, lane, status)
         if status != FINISHED and status != TERMINAL:
             return status
     return FINISHED

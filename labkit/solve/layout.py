@@ -1,98 +1,73 @@
 """Where everything stands in the workspace `w` of a run, and the calls into the model.
 
-The functions here are those of the plain back end; in the compiled one `flow`, `guards` and `reset` call the model's C
-function, `row` moves an address, and w.k is built from a table of addresses (backend.py).
+The functions here are those of the plain back end; in the compiled one `flow`, `guards` and `reset`
+call the model's C function, `row` moves an address, and w.k is built from a table of addresses
+(backend.py).
+
+A state vector has the states of its mode first and, from w.i[WIDTH] on, the held variables: only
+events change those, so no step touches them, and loops over the n states of a mode leave them alone.
+
+What belongs to a guard beyond one step (its side, whether it waits) stands at its *slot*, its
+transition's number + 2; slots 0 and 1 are the two ends of sliding.
 """
 
 from collections import namedtuple
 
 EPS = 2.220446049250313e-16
 
-# Places in w.i (whole numbers that survive a pause) …
-(
-    MODE,
-    JUMP,
-    GRID,
-    OUT,
-    OUT_FROM,
-    LEDGER,
-    PIECES,
-    STEPS,
-    REJECTED,
-    FLOWS,
-    GUARDS,
-    FRESH,
-    ENTRY,
-    PENDING,
-    SAME,
-    WHO,
-    FIRST,
-) = range(17)
-ARRIVED, TOUCHES = (
-    17,
-    18,
-)  # the mode in which the instant of a schedule was reached; how many limits were touched
-# Sliding: on or not; its two modes and the position of the surface's guard among those of the first and of the second
-SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B = range(19, 24)
-# … settings among them …
-(
-    STAGES,
-    DEGREE,
-    PROXY,
-    ADAPTIVE,
-    TWO,
-    LOCATE,
-    DENSE,
-    TRANSITIONS,
-    MAX_EVENTS,
-    MAX_STEPS,
-    ORDER,
-    ROWS,
-    WIDTH,
-    PARAMETERS,
-    SAMPLES,
-    SCHEDULES,
-    POWERS,
-    LANES,
-) = range(24, 42)
-# … and which lane is under way, and whether it has begun
-LANE, BEGUN = 42, 43
-INTEGERS = 44
+# Places in w.i, whole numbers that survive a pause. Where the run is, and what it has left behind
+(MODE, JUMP, GRID, OUT, OUT_FROM, LEDGER, PIECES, STEPS, REJECTED, FLOWS, GUARDS) = range(11)
+# FRESH: the step size must be found anew and SciPy's methods started; KNOWN: w.k[0] is the flow here;
+# ENTRY: the next step begins at an instant, whose sides are known; BUSY: this instant is not over;
+# SAME: events at it so far; ARRIVED: the mode it was reached in; WHO: the last transition that acted;
+# FIRST: the last step was refused; KIND: why the chosen transition acts (CROSSED, DUE, LATE)
+(FRESH, KNOWN, ENTRY, BUSY, SAME, ARRIVED, WHO, FIRST, KIND, PENDING, TOUCHES) = range(11, 22)
+# AHEAD: w.g_ahead holds the guards a little later; STREAK: refusals in a row; STIFFS: steps at the
+# border of stability; JUMPS: places where refusals piled up
+(AHEAD, STREAK, STIFFS, JUMPS) = range(22, 26)
+# Sliding: on or not; its two modes; the place of the surface's guard among those of each
+(SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B) = range(26, 31)
+# Settings
+(STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER) = (
+    range(31, 42)
+)
+(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS, LANES) = range(42, 51)
+# Which lane is under way, and whether it has begun
+LANE, BEGUN = 51, 52
+INTEGERS = 53
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
-# Places in w.f
-T, H, T_END, RTOL, ATOL, MAX_STEP, T0, EVENT_T, ZENO_T, SPAN, DUE_T, PROBE = range(12)
-FLOATS = 12
-# What is kept of a lane that is done, in w.done: why it ended, the last transition, where its samples end, its work
-STATUS, LAST, END, EVENTS, ACCEPTED, FAILED, RATES, LOOKS = range(8)
+# Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:
+# what is due up to here is due now; LATER, GONE, GONE_T: how a guard
+# leaves zero (leaving);
+# LAMBDA: h·|λ| of the last step (stiffness); STREAK_H: the step that a streak of refusals began with;
+# TURN: −1 where the surface's guard crossed downwards
+(T, H, T_END, RTOL, MAX_STEP, T0, EVENT_T, ZENO_T, PROBE) = range(9)
+(BEFORE, UNTIL, LATER, GONE, LAMBDA, STREAK_H, JUMP_T, TURN, GONE_T) = range(9, 18)
+FLOATS = 18
+# What is kept of a lane that is done, in w.done: why it ended, the last transition, where its samples
+# end, its work, places where its flow seemed to jump
+STATUS, LAST, END, EVENTS, ACCEPTED, FAILED, RATES, LOOKS, JUMPED = range(9)
 
 # Why `advance` returns
-(
-    PAUSE,
-    FINISHED,
-    GROW,
-    TERMINAL,
-    ZENO,
-    CONTACT,
-    LOOP,
-    EVENTS_OUT,
-    STEPS_OUT,
-    UNDERFLOW,
-    QUEUE_FULL,
-    GUARD_NAN,
-    BAD_START,
-) = range(13)
+PAUSE, FINISHED, GROW, TERMINAL, ZENO, CONTACT, LOOP, EVENTS_OUT, STEPS_OUT = range(9)
+UNDERFLOW, QUEUE_FULL, GUARD_NAN, BAD_START, STIFF, HIDDEN_JUMP = range(9, 15)
 
 QUEUE = 256  # dead-time transitions under way at once
 MOST_TOUCHES = 64  # touched limits that are noted
 SLIDE = -2  # stands for the sliding mode in the ledger
-MOST_DEFECT = 100.0  # of DOP853's polynomial; on smooth stretches it is below 30, and the error between the ends then below the tolerance
-SAME_INSTANT = 100  # events at one instant before the run is called a loop
+# Of DOP853's polynomial; on smooth stretches it is below 30, and the error between the ends then
+# below the tolerance
+MOST_DEFECT = 100.0
 NO, YES, REFUSE = 0, 1, 2  # in w.urgent: a start beyond the guard waits, fires, is refused
+CROSSED, DUE, LATE = 0, 1, 2  # in w.i[KIND]: its guard has crossed, its schedule or dead time is due
+ARRIVE, JUMPED_TO, ENTERED, START = 0, 1, 2, 3  # how `sides` was come to
 
 
 def workspace(z):
-    """The fields of w as (name, "f" or "i", shape) for the sizes in z: one list for the plain lists, the arrays and their addresses."""
+    """The fields of w as (name, "f" or "i", shape) for the sizes in z: one list for the plain lists,
+    the arrays and their addresses."""
+    y, slots = z.width + z.held, z.transitions + 2
     return (
         ("i", "i", (INTEGERS,)),
         ("f", "f", (FLOATS,)),
@@ -101,8 +76,8 @@ def workspace(z):
         ("i0", "i", (INTEGERS,)),
         ("f0", "f", (FLOATS,)),
         ("mode0", "i", (z.lanes,)),
-        ("y0", "f", (z.lanes, z.n)),
-        ("done", "i", (z.lanes, 8)),
+        ("y0", "f", (z.lanes, y)),
+        ("done", "i", (z.lanes, 9)),
         ("delay", "f", (z.lanes, z.transitions)),
         ("plan_next0", "i", (z.lanes, z.schedules)),
         ("plan_first", "f", (z.lanes, z.schedules)),
@@ -126,8 +101,11 @@ def workspace(z):
         ("node", "f", (z.proxy + 3,)),
         ("bernstein", "f", (z.proxy + 1, z.proxy + 1)),
         ("test", "f", (2, z.proxy + 1)),
-        # the model
+        # the model. absolute: the part of the tolerance that does not grow with the state, −1 where
+        # it follows from the state's own size; family: modes with the same states have the same
         ("size", "i", (z.modes,)),
+        ("family", "i", (z.modes,)),
+        ("absolute", "f", (z.modes, z.width)),
         ("leave_from", "i", (z.modes + 1,)),
         ("leave", "i", (z.guards,)),
         ("source", "i", (z.transitions, z.modes)),
@@ -137,42 +115,68 @@ def workspace(z):
         ("urgent", "i", (z.transitions,)),
         ("rank", "i", (z.transitions,)),
         ("tolerance", "f", (z.transitions,)),
+        # schedules: their transitions; shared: others have the same `at`, all are one clock
         ("plan", "i", (z.schedules,)),
         ("plan_from", "i", (z.schedules + 1,)),
+        ("shared", "i", (z.schedules,)),
         # the state and its surroundings
-        ("y", "f", (z.n,)),
-        ("y_new", "f", (z.n,)),
-        ("y_try", "f", (z.n,)),
-        ("zero", "f", (z.n,)),
-        ("k", "f", (z.rows, z.n)),
-        ("err", "f", (2, z.n)),
-        ("term", "f", (z.degree, z.n)),
-        ("poly", "f", (z.degree + 1, z.n)),
-        ("kept", "f", (z.degree + 1, z.n)),
+        ("y", "f", (y,)),
+        ("y_new", "f", (y,)),
+        ("y_try", "f", (y,)),
+        ("zero", "f", (z.width,)),
+        ("k", "f", (z.rows, z.width)),
+        ("err", "f", (2, z.width)),
+        ("term", "f", (z.degree, z.width)),
+        ("poly", "f", (z.degree + 1, z.width)),
+        ("kept", "f", (z.degree + 1, z.width)),
+        ("most", "f", (z.width,)),  # the largest size of each state so far
+        ("rough", "f", (z.modes, z.width)),  # the rounding of each derivative
+        ("felt", "i", (z.modes,)),  # … once it is known
+        # guards in a step, by their place among those looked at
         ("at_node", "f", (z.proxy + 3, z.guards + 2)),
         ("value", "f", (z.proxy + 3,)),
         ("hull", "f", (z.proxy + 1,)),
         ("g", "f", (z.guards + 2,)),
         ("stack", "f", (256,)),
-        ("side", "i", (z.guards + 2,)),
-        ("hold", "i", (z.transitions,)),
         ("root", "f", (z.guards + 2,)),
+        ("turn", "i", (z.guards + 2,)),  # the side at the end of the step
+        ("quiet", "i", (z.guards + 2,)),  # whether it went back in this step, which is no event
         ("near", "i", (z.guards + 2,)),
-        ("rate_a", "f", (z.n,)),
-        ("rate_b", "f", (z.n,)),
-        ("y_probe", "f", (z.n,)),
+        # guards between steps, by slot
+        ("side", "i", (slots,)),
+        ("flat", "i", (slots,)),  # zero where the step begins
+        ("awake", "f", (slots,)),  # … and from this time on clear of zero
+        ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
+        ("came", "i", (slots,)),  # it was located at this instant
+        ("slack", "f", (slots,)),  # … with this value, which counts as zero
+        ("scale", "f", (slots,)),  # Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| where it was last worked out, at w.scale_y
+        ("scale_y", "f", (slots, z.width + 1)),
+        ("swing", "f", (slots,)),  # the largest slope seen in the last step
+        ("rises", "i", (slots,)),  # it was rising where the last step ended (for touches)
+        # room for looking ahead, and for sliding
+        ("y_look", "f", (y,)),
+        ("y_shake", "f", (y,)),
+        ("ahead", "f", (4, z.width)),
+        ("g_ahead", "f", (z.guards + 2,)),
+        ("g_look", "f", (z.guards + 2,)),
+        ("rate_a", "f", (z.width,)),
+        ("rate_b", "f", (z.width,)),
+        ("y_probe", "f", (y,)),
         ("g_probe", "f", (z.guards + 2,)),
         ("plan_next", "i", (z.schedules,)),
         ("queue_t", "f", (QUEUE,)),
         ("queue", "i", (QUEUE,)),
+        # flights of a transition: since when, how long, how often ever shorter, and two earlier ones
         ("last_t", "f", (z.transitions,)),
         ("last_gap", "f", (z.transitions,)),
-        ("last_ratio", "f", (z.transitions,)),
-        ("last_y", "f", (z.transitions, z.n)),
+        ("shorter", "i", (z.transitions,)),
+        ("few", "i", (z.transitions,)),
+        ("anchor", "f", (z.transitions, 4)),
+        ("last_y", "f", (z.transitions, y)),
         # what comes out
-        ("out", "f", (z.out, 3 + z.n)),
-        ("ledger", "f", (z.ledger, 5 + 2 * z.n)),
-        ("pieces", "f", (z.pieces, 3 + (z.degree + 1) * z.n)),
+        ("out", "f", (z.out, 5 + y)),
+        ("ledger", "f", (z.ledger, 5 + 2 * y)),
+        ("pieces", "f", (z.pieces, 4 + (z.degree + 1) * z.width + z.held)),
         ("touch", "f", (MOST_TOUCHES, 3)),
     )
 
@@ -201,7 +205,9 @@ def reset(model, transition, mode, t, y, p, out):
 
 
 def external_step(model, w, p, t, h):
-    """A step by one of SciPy's methods: fills w.y_new and w.poly, returns its length (0: failed). Plain back end only."""
+    """A step by one of SciPy's methods: fills w.y_new and w.poly, returns its length (0: failed).
+
+    Plain back end only."""
     return model.stepper(w, p, t, h)
 
 

@@ -1,18 +1,21 @@
 """Event location on the polynomial of a step.
 
-How an event is found. Each step is a polynomial in θ ∈ [0, 1]. A guard is sampled along it at Chebyshev points;
-the samples' polynomial in Bernstein form bounds the guard (convex hull) and its sign changes bound the number of
-roots (Descartes). Where that leaves a doubt the interval is halved and sampled anew; two samples off the
-nodes say how far to trust the polynomial. One sign change: one root, found on the guard itself (Chandrupatla 1997).
-So crossings that come in pairs inside one step, and dips of rounding size, are found, not only sign changes at its ends.
+How an event is found. Each step is a polynomial in θ ∈ [0, 1]. A guard is sampled along it at Chebyshev
+points; the samples' polynomial in Bernstein form bounds the guard (convex hull) and its sign changes
+bound the number of roots (Descartes). Where that leaves a doubt the interval is halved and sampled
+anew; two samples off the nodes say how far to trust the polynomial. One sign change: one root, found on
+the guard itself (Chandrupatla 1997). So crossings that come in pairs inside one step, and dips of
+rounding size, are found, not only sign changes at its ends.
 
-How an event is not found twice. After a reset a guard that lies within rounding of zero *counts as* zero: that
-root is divided out (leading Bernstein coefficients set to 0), and what remains tells to which side the guard leaves.
+How an event is not found twice. A guard whose side is known and whose value is zero where the step
+begins (w.flat) has that root divided out: leading Bernstein coefficients are set to 0, and the side
+says where the rest begins. One that leaves zero only later is not looked at before (w.awake).
 """
 
 from math import isfinite
 
 from .layout import *
+from .sides import doubt
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
@@ -71,25 +74,25 @@ def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
     return a if fa * side > 0.0 else b
 
 
-def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
-    """θ ∈ [0, limit] of the first event of guard k in this step; 2 if none, −1 if it rests on its surface, −2 if it is NaN.
+def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
+    """θ ∈ [begin, limit] of the first event of the k-th guard in this step; 2 if none, −2 if it is not a number.
 
-    w.side[k] is the guard's side before the step (0: not known yet) and is left as that at `limit`.
+    Its side before the step is w.side; w.turn[k] becomes that at `limit`, w.quiet[k] 1 if it went
+    back from beyond on the way, which is no event of a guard with a direction.
     """
+    transition = watched(w, mode, k)
+    slot = transition + 2
+    directed = transition < 0 or w.directed[transition] == 1
+    side = w.side[slot]
+    flat = w.flat[slot] == 1 and w.i[ENTRY] == 1 and begin == 0.0
+    slack = 0.0 if transition < 0 else 2.0 * w.tolerance[transition]
     top = w.i[PROXY]
-    side = w.side[k]
-    undecided = entry == 1
-    narrowest = 1.5e-8
+    narrowest, shortest = 1.5e-8, 16.0 * EPS * max(abs(t), abs(t + h)) / h
     value, hull, stack = w.value, w.hull, w.stack
-    stack[0], stack[1] = 0.0, limit
-    depth = 1
-    state = 0.0
-    for j in range(n):
-        state = max(state, abs(w.poly[0][j]))
-    floor = 8.0 * EPS * state  # a guard is not known better than this
-    w.near[k] = 1
-    slack = 0.0 if watched(w, mode, k) < 0 else 2.0 * w.tolerance[watched(w, mode, k)]
-    looks = 0
+    stack[0], stack[1] = begin, limit
+    depth, looks = 1, 0
+    own = -1.0  # how well the guard is known: asked for when it matters
+    w.near[k], w.quiet[k] = 1, 0
     while depth > 0:
         depth -= 1
         looks += 1
@@ -101,7 +104,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
         else:
             for j in range(top + 3):
                 value[j] = guard_at(model, w, p, mode, n, t, h, a + width * w.node[j], k)
-        largest, spread, misfit = 0.0, 0.0, 0.0
+        largest, misfit = 0.0, 0.0
         for j in range(2):
             total = 0.0
             line = w.test[j]
@@ -110,7 +113,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
             misfit = max(misfit, abs(total - value[top + 1 + j]))
             if not isfinite(total - value[top + 1 + j]):
                 return -2.0
-        if entry == 0 or a > 0.0:
+        start = flat and a == begin
+        if not start:
             # Far from zero all along? Between its nodes a polynomial strays at most LEBESGUE times as far from their middle as they do
             low, high = value[0], value[0]
             for j in range(1, top + 1):
@@ -127,53 +131,31 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
                 total += line[q] * value[q]
             hull[j] = total
             largest = max(largest, abs(total))
-            spread = max(spread, abs(total - hull[0]))
-        if largest <= floor and not (entry == 1 and a == 0.0):
+        if own < 0.0 and (looks > 1 or start or largest < 1e-9 * w.scale[slot]):
+            own = doubt(model, w, p, mode, n, t, w.poly[0], k, w.at_node[0][k])
+        margin = max(4.0 * misfit + 8.0 * EPS * largest, own)
+        finest = looks > 400 or width <= (shortest if start else narrowest)
+        if largest <= own:  # zero all along, as far as it is known
             continue
-        margin = 4.0 * misfit + 8.0 * EPS * largest
-        finest = width <= narrowest or looks > 400
-        start = 0
-        if entry == 1 and a == 0.0:
-            # Within rounding of zero? In time: the surface is 256 ulp of t away; in value: 8 ulp of the state.
-            band = top * spread * 256.0 * EPS * max(abs(t), abs(t + h)) / (width * h) + floor
-            if abs(hull[0]) <= band:
-                hull[0] = 0.0
-                start = 1
-                while start < top and abs(hull[start]) <= 1e-12 * largest:
-                    hull[start] = 0.0
-                    start += 1
-                if undecided:
-                    # It is a slope that is judged here, and a polynomial of degree N misses slopes by N² times what it misses values
-                    if (
-                        abs(hull[start]) <= margin + 4.0 * top * top * misfit
-                        and not finest
-                        and largest > 0.0
-                    ):
-                        middle = 0.5 * (a + b)
-                        stack[2 * depth], stack[2 * depth + 1] = middle, b
-                        stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
-                        depth += 2
-                        continue
-                    undecided = False
-                    if hull[start] > 0.0:
-                        if directed:
-                            if not held:
-                                return 0.0
-                            if start > 1:
-                                return -1.0
-                        side = 1
-                    elif hull[start] < 0.0 or directed:
-                        side = -1
-            elif undecided:
-                undecided = False
-                side = 1 if hull[0] > 0.0 else -1
-        elif a == 0.0:
-            while (
-                start < top and hull[start] == 0.0
-            ):  # exactly on the surface where two steps meet: the side before still counts
-                start += 1
+        first = 0
+        if start:
+            hull[0] = 0.0
+            first = 1
+            while first < top and abs(hull[first]) <= max(1e-12 * largest, own):
+                hull[first] = 0.0
+                first += 1
+            if abs(hull[first]) > margin and (hull[first] > 0.0) != (side > 0) and not finest:
+                # leaves to the other side than it should: it may turn so early that it cannot be seen here
+                middle = 0.5 * (a + b)
+                stack[2 * depth], stack[2 * depth + 1] = middle, b
+                stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
+                depth += 2
+                continue
+        elif a == begin:
+            while first < top and hull[first] == 0.0:  # exactly on the surface where two steps meet: the side before still counts
+                first += 1
         changes, doubtful, sign = 0, 0, side
-        for j in range(start, top + 1):
+        for j in range(first, top + 1):
             if hull[j] > margin:
                 if sign < 0:
                     changes += 1
@@ -185,52 +167,49 @@ def first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry):
             else:
                 doubtful += 1
         if changes == 0 and (doubtful == 0 or finest):
-            side = sign
             continue
-        if changes == 1 and abs(hull[start]) > margin and abs(hull[top]) > margin:
-            if (hull[start] > 0.0) != (side > 0):  # crossed exactly at the seam of two steps
+        if changes == 1 and abs(hull[first]) > margin and abs(hull[top]) > margin:
+            if sign < 0 and directed:
+                side, w.quiet[k] = sign, 1
+                continue
+            if (hull[first] > 0.0) != (side > 0):  # crossed exactly at the seam of two steps
                 theta = a
             else:
                 theta = refine(model, w, p, mode, n, t, h, k, a, value[0], b, value[top])
-            if sign > 0 or not directed:
-                w.side[k] = sign
-                return theta
-            side = sign
-            continue
+            w.turn[k] = sign
+            return theta
         if finest:  # rounding rules here: believe the samples
             for j in range(1, top + 1):
-                if value[j] * side < 0.0:
+                if value[j] * side < 0.0 and abs(value[j]) > own:
                     side = -side
                     if side > 0 or not directed:
-                        w.side[k] = side
-                        return refine(
-                            model,
-                            w,
-                            p,
-                            mode,
-                            n,
-                            t,
-                            h,
-                            k,
-                            a + width * w.node[j - 1],
-                            value[j - 1],
-                            a + width * w.node[j],
-                            value[j],
-                        )
+                        w.turn[k] = side
+                        one, two = a + width * w.node[j - 1], a + width * w.node[j]
+                        return refine(model, w, p, mode, n, t, h, k, one, value[j - 1], two, value[j])
+                    w.quiet[k] = 1
             continue
         middle = 0.5 * (a + b)
         stack[2 * depth], stack[2 * depth + 1] = middle, b
         stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
         depth += 2
-    w.side[k] = side
+    w.turn[k] = side
     return 2.0
 
 
+def first_look(w, t, h, slot):
+    """θ from which on a guard is looked at in this step: one that leaves zero by more than its slope is not clear of it at once."""
+    if w.flat[slot] == 0 or w.awake[slot] <= t:
+        return 0.0
+    return (w.awake[slot] - t) / h
+
+
 def find_event(model, w, p, mode, n, t, h, entry):
-    """(θ, position of the guard) of the step's first event: of those within rounding of the first, the one of highest priority."""
+    """(θ, place of the guard) of the step's first event, 2 and −1 if there is none, −2 if a guard is not a number.
+
+    All guards that cross within rounding of the first are marked (w.came); θ is where the last of them
+    has crossed. Without an event the sides become those at the end of the step.
+    """
     count = watch_count(w, mode)
-    if count == 0:
-        return 2.0, -1
     top = w.i[PROXY]
     if entry == 0:  # the last step's end is this one's start
         for k in range(count):
@@ -242,69 +221,89 @@ def find_event(model, w, p, mode, n, t, h, entry):
     tie = 16.0 * EPS * max(abs(t), abs(t + h)) / h
     limit, best = 1.0, 2.0
     for k in range(count):
-        transition = watched(w, mode, k)
-        directed = transition < 0 or w.directed[transition] == 1
-        held = transition >= 0 and w.hold[transition] == 1
-        theta = first_crossing(model, w, p, mode, n, t, h, k, directed, held, limit, entry)
-        w.root[k] = theta
-        if theta < best:
-            best = theta
-            limit = min(1.0, max(best, 0.0) + tie)
+        slot = watched(w, mode, k) + 2
+        begin = first_look(w, t, h, slot)
+        w.turn[k], w.quiet[k], w.near[k], w.root[k] = w.side[slot], 0, 1, 2.0
+        if begin < limit:
+            theta = first_crossing(model, w, p, mode, n, t, h, k, begin, limit)
+            if theta == -2.0:
+                return theta, k
+            w.root[k] = theta
+            if theta < best:
+                best = theta
+                limit = min(1.0, best + tie)
+        low, high = w.at_node[0][k], w.at_node[0][k]
+        for j in range(1, top + 1):
+            low, high = min(low, w.at_node[j][k]), max(high, w.at_node[j][k])
+        w.swing[slot] = (high - low) / h
     if best > 1.0:
+        for k in range(count):
+            slot = watched(w, mode, k) + 2
+            w.side[slot] = w.turn[k]
+            if w.awake[slot] <= t + h:
+                w.flat[slot] = 0
         return 2.0, -1
     chosen, latest = -1, best
     for k in range(count):
-        if w.root[k] <= max(best, 0.0) + tie:
+        slot = watched(w, mode, k) + 2
+        if w.root[k] <= best + tie:
             if chosen < 0:
                 chosen = k
             latest = max(latest, w.root[k])
-    return (latest if w.root[chosen] >= 0.0 else w.root[chosen]), chosen
+            w.came[slot] = 1
+            w.side[slot] = w.turn[k]
+        else:
+            if w.quiet[k] == 1:  # was that before the event, or after it?
+                begin = first_look(w, t, h, slot)
+                if begin < best:
+                    first_crossing(model, w, p, mode, n, t, h, k, begin, best)
+                    w.side[slot] = w.turn[k]
+            w.turn[k] = w.side[slot]
+    return latest, chosen
 
 
 def note_touches(model, w, p, mode, n, t, h, until):
-    """Notes in w.touch where, before θ = until, a guard came up to its limit and turned back: above −tolerance, but not through zero.
+    """Notes in w.touch where, before θ = until, a guard came up to its limit and turned back: within its tolerance, and not beyond.
 
-    (The tolerance is in the guard already: zero is where the event is, −tolerance is the limit itself.) Among the samples of
-    the step a peak stands out; golden section finds its top.
+    The tolerance is in the guard already: zero is where the event is, −tolerance the limit itself, and
+    as far below it the reach ends, so that the sign of a numerical error decides nothing. Where the
+    samples stop rising there is a peak; w.rises tells the next step that one may lie at the seam.
     """
-    state = 0.0
-    for j in range(n):
-        state = max(state, abs(w.poly[0][j]))
+    last = w.i[PROXY]
     for k in range(watch_count(w, mode)):
         transition = watched(w, mode, k)
-        if w.near[k] == 0 or transition < 0 or w.directed[transition] == 0:
+        if transition < 0 or w.directed[transition] == 0 or w.tolerance[transition] == 0.0:
             continue
-        reach = w.tolerance[transition] + 8.0 * EPS * state
-        last = w.i[PROXY]
-        for j in range(
-            w.i[ENTRY], last + 1
-        ):  # a peak beside the seam of two steps stands out at the end of both, but lies in one
+        slot = transition + 2
+        rises = w.rises[slot] == 1 and w.i[ENTRY] == 0
+        for j in range(last + 1):
             here = w.at_node[j][k]
-            before, after = w.at_node[max(j - 1, 0)][k], w.at_node[min(j + 1, last)][k]
-            if (
-                here > 0.0
-                or here < before
-                or here < after
-                or 2.0 * here - min(before, after) < -reach
-                or w.i[TOUCHES] == MOST_TOUCHES
-            ):
-                continue
-            first, end = w.node[max(j - 1, 0)], min(w.node[min(j + 1, last)], until)
-            a, b = first, end
-            for _ in range(50):
-                left, right = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
-                if guard_at(model, w, p, mode, n, t, h, left, k) > guard_at(
-                    model, w, p, mode, n, t, h, right, k
-                ):
-                    b = right
-                else:
-                    a = left
-            top = guard_at(model, w, p, mode, n, t, h, 0.5 * (a + b), k)
-            if -reach <= top <= 0.0 and a > first and b < end:
-                line = w.touch[w.i[TOUCHES]]
-                line[0], line[1], line[2] = (
-                    t + 0.5 * (a + b) * h,
-                    transition,
-                    top + w.tolerance[transition],
-                )
-                w.i[TOUCHES] += 1
+            falls = j == last or w.at_node[j + 1][k] < here
+            if falls and rises and w.node[j] <= until and w.near[k] == 1:
+                first, end = w.node[max(j - 1, 0)], min(w.node[min(j + 1, last)], until)
+                rises = note_peak(model, w, p, mode, n, t, h, k, transition, first, end, j == last)
+            elif j < last and w.at_node[j + 1][k] != here:
+                rises = not falls
+        w.rises[slot] = 1 if rises else 0
+
+
+def note_peak(model, w, p, mode, n, t, h, k, transition, first, end, seam):
+    """The top between two θ by golden section; a touch if it is within reach. True if, at a seam, the guard goes on rising."""
+    a, b, tolerance = first, end, w.tolerance[transition]
+    for _ in range(50):
+        left, right = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
+        one = guard_at(model, w, p, mode, n, t, h, left, k)
+        if one > guard_at(model, w, p, mode, n, t, h, right, k):
+            b = right
+        else:
+            a = left
+    theta = 0.5 * (a + b)
+    if seam and end - theta < 1e-6 * (end - first):
+        return True
+    top = guard_at(model, w, p, mode, n, t, h, theta, k)
+    own = 8.0 * EPS * w.scale[transition + 2]
+    if -2.0 * tolerance - own <= top <= 0.0 and w.i[TOUCHES] < MOST_TOUCHES:
+        line = w.touch[w.i[TOUCHES]]
+        line[0], line[1], line[2] = t + theta * h, transition, top + tolerance
+        w.i[TOUCHES] += 1
+    return False

@@ -14,7 +14,6 @@ from .options import Options
 __all__ = ["Settings"]
 
 SCALE_FREE = -1.0  # in `absolute`: the tolerance follows from the state's own size
-UNTIL_THEN = 1e-10  # what a core without `absolute` takes in its place
 
 
 class Settings:
@@ -41,9 +40,7 @@ class Settings:
         self.width, self.length = system.width, system.width + len(system.held)
         self.plans = [tr for tr in system.transitions if tr.at is not None]
         self.absolute = self._absolute()
-        self.rtol, self.atol = options.rtol, options.atol
-        if self.atol is None or isinstance(self.atol, Mapping):
-            self.atol = max(self.absolute.max(), UNTIL_THEN)
+        self.rtol = options.rtol
         self.fixed = self._fixed()
 
     def _absolute(self) -> np.ndarray:
@@ -70,6 +67,7 @@ class Settings:
         for place, value in {
             core.FRESH: 1,
             core.ENTRY: 1,
+            core.BUSY: 1,
             core.STAGES: table.stages,
             core.DEGREE: self.degree,
             core.PROXY: self.proxy,
@@ -83,6 +81,8 @@ class Settings:
             core.ORDER: table.order,
             core.ROWS: len(table.A),
             core.WIDTH: self.width,
+            core.HELD: len(system.held),
+            core.MODES: len(modes),
             core.PARAMETERS: len(system.parameters),
             core.SAMPLES: len(options.grid),
             core.SCHEDULES: len(self.plans),
@@ -94,14 +94,14 @@ class Settings:
             core.H: self.step if self.method in FIXED_STEP else 0.0,
             core.T_END: options.t_end,
             core.RTOL: options.rtol,
-            core.ATOL: self.atol,
             core.MAX_STEP: self.max_step,
             core.T0: options.t0,
             core.EVENT_T: -1e300,
-            core.DUE_T: -1e300,
-            core.SPAN: options.t_end - options.t0,
+            core.BEFORE: options.t0,
+            core.UNTIL: options.t0 + 8 * core.EPS * abs(options.t0),
         }.items():
             f0[place] = value
+        names = [system.states_of(m) for m in modes]
         fixed = {
             "i0": i0,
             "f0": f0,
@@ -119,9 +119,11 @@ class Settings:
             "urgent": [urgent[tr.urgent] for tr in trs],
             "rank": np.argsort(order),
             "tolerance": [tr.tolerance for tr in trs],
-            "plan": [system.transitions.index(tr) for tr in self.plans],
-            "plan_from": np.cumsum([0, *instants]),
+            "family": [names.index(system.states_of(m)) for m in modes],
             "absolute": self.absolute,
+            "plan": [system.transitions.index(tr) for tr in self.plans],
+            "shared": [sum(tr.at == other.at for other in self.plans) > 1 for tr in self.plans],
+            "plan_from": np.cumsum([0, *instants]),
         }
         interpolant = (
             (np.zeros((self.degree, 1)),) * 2 if self.external else (table.W.T, table.Q)
@@ -135,9 +137,8 @@ class Settings:
             }
         fixed["node"], fixed["bernstein"], fixed["test"] = proxy(self.proxy)
         self.sizes = {
-            "n": self.length,
             "width": self.width,
-            "held": self.length - self.width,
+            "held": len(system.held),
             "modes": len(modes),
             "transitions": len(trs),
             "guards": len(fixed["leave"]),
@@ -153,5 +154,4 @@ class Settings:
         return {
             name: np.ascontiguousarray(value, dtype=float if kinds[name] == "f" else np.int64)
             for name, value in fixed.items()
-            if name in kinds
         }

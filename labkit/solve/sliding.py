@@ -1,11 +1,13 @@
-"""Sliding along a switching surface (Filippov 1988): two modes whose flows both push towards the surface between them.
+"""Sliding along a switching surface (Filippov 1988): two modes that push each other back.
 
-Then the state can stay in neither; it moves along the surface with the one mixture of both flows that does not leave it,
+Then the state can stay in neither; it moves along the surface with the one mixture of both flows
+that does not leave it,
 
     (1 − λ)·f_A + λ·f_B   with   λ = a/(a − b),   a = dγ/dt along f_A > 0,   b = dγ/dt along f_B < 0,
 
-γ being the guard of A, turned so that B begins where it is positive. Sliding ends when a falls to 0 (back into A) or b
-rises to 0 (on into B): two more guards, located like all others. Slopes of γ are central differences along the flows.
+γ being the guard of A, turned so that B begins where it is positive. Sliding ends when a falls to 0
+(back into A) or b rises to 0 (on into B): two more guards, located like all others. Slopes of γ are
+central differences along the flows.
 
 `rates` and `watch` are `flow` and `guards` for all that integrate and look for events, sliding or not.
 """
@@ -24,7 +26,7 @@ def slope(model, w, p, n, t, y, rate):
         w.y_probe[i] = y[i] - e * rate[i]
     guards(model, mode, t - e, w.y_probe, p, w.g_probe)
     w.i[GUARDS] += 2
-    return (ahead - w.g_probe[k]) / (2.0 * e)
+    return w.f[TURN] * (ahead - w.g_probe[k]) / (2.0 * e)
 
 
 def pushes(model, w, p, n, t, y):
@@ -39,8 +41,7 @@ def rates(model, w, mode, n, t, y, p, out):
     if w.i[SLIDING] == 0:
         flow(model, mode, t, y, p, out)
         return
-    a, b = pushes(model, w, p, n, t, y)
-    part = a / (a - b) if a != b else 0.5
+    part = mixing(model, w, p, n, t, y)
     for i in range(n):
         out[i] = (1.0 - part) * w.rate_a[i] + part * w.rate_b[i]
 
@@ -84,58 +85,80 @@ def watch(model, w, mode, n, t, y, p, out):
                 place += 1
 
 
-def begin_sliding(model, w, p, n, second, place):
-    """Is this chattering? The mode was entered at this very instant with the state kept, and the guard at `place` sends it back at once.
+def begin_sliding(model, w, p, second):
+    """Sliding begins (1) instead of `second`, if that would send back at once what has just come; else 0.
 
-    Then sliding begins (1) if both flows push towards the surface; otherwise nothing is changed (0).
+    The last event came at this very instant from the mode that `second` leads to, neither changes
+    the state, and γ falls along f_B while it rises along f_A: a > b.
     """
     t, mode, line = w.f[T], w.i[MODE], w.i[LEDGER] - 1
     if w.i[SLIDING] == 1 or line < 0 or w.f[EVENT_T] != t or w.ledger[line][4] != mode:
         return 0
     first, before = int(w.ledger[line][1]), int(w.ledger[line][3])
-    if (
-        before < 0
-        or w.target[second] != before
-        or w.size[before] != n
-        or w.delay[w.i[LANE]][first] > 0.0
-        or w.delay[w.i[LANE]][second] > 0.0
-    ):
+    n, lane = w.size[mode], w.i[LANE]
+    if before < 0 or before == mode or w.target[second] != before or w.size[before] != n:
         return 0
+    if w.delay[lane][first] > 0.0 or w.delay[lane][second] > 0.0:
+        return 0
+    surface, place = guard_place(w, before, first), guard_place(w, mode, second)
+    if surface < 0 or place < 0:  # a schedule brought it here, or takes it away
+        return 0
+    reset(model, second, mode, t, w.y, p, w.y_new)
     for i in range(n):
-        if abs(w.ledger[line][5 + i] - w.y[i]) > 1e-9 * (1.0 + abs(w.y[i])):
+        within = 64.0 * EPS * w.most[i]
+        was = w.ledger[line][5 + i]
+        if abs(was - w.y[i]) > within or abs(w.y_new[i] - w.y[i]) > within:
             return 0
-    surface = -1
-    for k in range(w.leave_from[before + 1] - w.leave_from[before]):
-        if w.leave[w.leave_from[before] + k] == first:
-            surface = k
-    if surface < 0:  # a schedule brought it here
-        return 0
     w.i[SLIDE_A], w.i[SLIDE_B], w.i[GUARD_A], w.i[GUARD_B] = before, mode, surface, place
-    w.f[PROBE] = 1e-4 * min(max(w.f[H], 1e-6), 1.0)
+    w.f[PROBE] = max(1e-4 * w.f[H], 1e6 * EPS * abs(t))
+    w.f[TURN] = w.side[first + 2]  # a guard without direction may have crossed downwards
     a, b = pushes(model, w, p, n, t, w.y)
-    if not (a > 0.0 and b < 0.0):
+    if not a > b:
         return 0
     w.i[SLIDING] = 1
     return 1
 
 
+def guard_place(w, mode, transition):
+    """Where a transition's guard stands among those of a mode; −1 if it has none there."""
+    for k in range(w.leave_from[mode + 1] - w.leave_from[mode]):
+        if w.leave[w.leave_from[mode] + k] == transition:
+            return k
+    return -1
+
+
+def mixing(model, w, p, n, t, y):
+    """λ here: how much of the second mode is in the mixture; 0 when not sliding."""
+    if w.i[SLIDING] == 0:
+        return 0.0
+    a, b = pushes(model, w, p, n, t, y)
+    return a / (a - b) if a != b else 0.5
+
+
 def back_to_surface(model, w, p, n, t, y):
-    """One Newton step along the guard's gradient: rounding and the step's error would let the state drift off."""
+    """One Newton step along the guard's gradient: rounding and the step's error would let the state drift off.
+
+    The gradient is taken in units of each state's own size: a mass in mg moves as one in kg does.
+    """
     mode, k = w.i[SLIDE_A], w.i[GUARD_A]
     guards(model, mode, t, y, p, w.g_probe)
     off, square = w.g_probe[k], 0.0
     for i in range(n):
         w.y_probe[i] = y[i]
     for i in range(n):
-        e = 1e-6 * (1.0 + abs(y[i]))
-        w.y_probe[i] = y[i] + e
+        size = max(w.most[i], abs(y[i]))
+        if size == 0.0:
+            size = 1.0
+        w.y_probe[i] = y[i] + 1e-6 * size
         guards(model, mode, t, w.y_probe, p, w.g_probe)
         ahead = w.g_probe[k]
-        w.y_probe[i] = y[i] - e
+        w.y_probe[i] = y[i] - 1e-6 * size
         guards(model, mode, t, w.y_probe, p, w.g_probe)
         w.y_probe[i] = y[i]
-        w.rate_a[i] = (ahead - w.g_probe[k]) / (2.0 * e)
-        square += w.rate_a[i] * w.rate_a[i]
+        rise = (ahead - w.g_probe[k]) / 2e-6  # ∂γ/∂(y/size)
+        w.rate_a[i] = size * rise
+        square += rise * rise
+    w.i[GUARDS] += 2 * n + 1
     if square > 0.0:
         for i in range(n):
             y[i] -= off * w.rate_a[i] / square

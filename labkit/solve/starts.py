@@ -13,7 +13,7 @@ from ..model import Every, ModelError, System, listed, number
 from .functions import check_functions
 from .settings import Settings
 
-__all__ = ["Refused", "check_start", "clocks", "mapping", "start_of", "starts_of"]
+__all__ = ["Refused", "check_at", "check_start", "clocks", "mapping", "start_of", "starts_of"]
 
 Refused = dict[int, ModelError]  # lane -> why it cannot begin
 
@@ -94,22 +94,31 @@ def starts_of(
     return begin, modes, refused
 
 
+def check_at(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> tuple:
+    """check_at(settings, state (length,), mode by place, p) -> s, where the functions were tried.
+
+    Raises ModelError when one of them does not fit the model or has no value there.
+    """
+    system, name = settings.system, settings.modes[mode]
+    start = tuple(float(state[place]) for place in system.places(name).values())
+    check_functions(system, p, settings.options.t0, start, name)
+    return system.S[name](*start)
+
+
 def check_start(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> None:
     """check_start(settings, state (length,), mode by place, p): why a start does not do, in words.
 
-    The model's functions are tried there, and a guard that is passed already is refused.
+    As `check_at`; and a guard that is passed already is refused.
     """
     system, t0, name = settings.system, settings.options.t0, settings.modes[mode]
-    start = tuple(float(state[place]) for place in system.places(name).values())
-    check_functions(system, p, t0, start, name)
-    s = system.S[name](*start)
+    s = check_at(settings, state, mode, p)
     for i in system.leaving[name]:
         tr = system.transitions[i]
         if tr.guard is None or tr.direction == 0 or tr.urgent is not None:
             continue
         value = float(tr.guard(t0, s, p))
         beyond = tr.direction * value - tr.tolerance
-        if beyond > 1e-9 * (1 + max(map(abs, start))):
+        if beyond > 0:
             elsewhere = "" if tr.target in (None, name) else f" (mode={tr.target!r}?)"
             raise ModelError(
                 f"the start does not fit mode {name!r}: the guard of {tr.name!r} is already "

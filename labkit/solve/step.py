@@ -12,7 +12,10 @@ from .sliding import rates
 
 
 def combine(n, first, last, column, value, rows, h, y, out):
-    """out = y + h·Σ value[q]·rows[column[q]], q from first to last: a sparse row of a table times the stages, two states at a time."""
+    """out = y + h·Σ value[q]·rows[column[q]], q from first to last, two states at a time.
+
+    A sparse row of a table times the stages.
+    """
     i = 0
     while i + 1 < n:
         one, two = 0.0, 0.0
@@ -30,8 +33,24 @@ def combine(n, first, last, column, value, rows, h, y, out):
         out[i] = y[i] + h * one
 
 
+def allowed(w, mode, i, size, h):
+    """What a step h may get state i wrong by, where its size is as given.
+
+    Without an `atol` of the user's the part that does not grow with the state is a hundredth of rtol
+    times the state's largest size so far (or what this step moves it by), so that no unit matters;
+    and never less than the rounding of the derivative.
+    """
+    absolute = w.absolute[mode][i]
+    if absolute < 0.0:
+        absolute = 0.01 * w.f[RTOL] * (w.most[i] + abs(h * w.k[0][i])) + h * w.rough[mode][i]
+    return max(absolute + w.f[RTOL] * size, 1e-300)
+
+
 def explicit_step(model, w, p, mode, n, t, h):
-    """One step of the table's method from w.y, whose flow is in w.k[0]; returns the error over the tolerance."""
+    """One step of the table's method from w.y, whose flow is in w.k[0]; returns the error over the tolerance.
+
+    w.f[LAMBDA] becomes h·|λ|, as far as the last two stages, both at t + h, tell (Hairer and Wanner, IV.2).
+    """
     k, y, y_new, err = w.k, w.y, w.y_new, w.err
     a_from, a_column, a_value = w.a_from, w.a_column, w.a_value
     stages = w.i[STAGES]
@@ -46,19 +65,19 @@ def explicit_step(model, w, p, mode, n, t, h):
             if not isfinite(y_new[i]):
                 return 1e300
         return 0.0
-    rtol, atol = w.f[RTOL], w.f[ATOL]
     for part in range(1 + w.i[TWO]):
-        combine(
-            n, w.e_from[part], w.e_from[part + 1], w.e_column, w.e_value, k, 1.0, w.zero, err[part]
-        )
-    high, low = 0.0, 0.0
+        first, last = w.e_from[part], w.e_from[part + 1]
+        combine(n, first, last, w.e_column, w.e_value, k, 1.0, w.zero, err[part])
+    high, low, slopes, places = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        scale = atol + rtol * max(abs(y[i]), abs(y_new[i]))
+        scale = allowed(w, mode, i, max(abs(y[i]), abs(y_new[i])), h)
         high += (err[0][i] / scale) * (err[0][i] / scale)
         low += (err[1][i] / scale) * (err[1][i] / scale)
-    if (
-        w.i[TWO] == 1
-    ):  # DOP853 weighs its fifth- and third-order estimates (Hairer, Nørsett, Wanner, II.10)
+        slope, place = (k[stages][i] - k[stages - 1][i]) / scale, (y_new[i] - w.y_try[i]) / scale
+        slopes += slope * slope
+        places += place * place
+    w.f[LAMBDA] = h * sqrt(slopes / places) if 0.0 < places < 1e290 and slopes < 1e290 else 0.0
+    if w.i[TWO] == 1:  # DOP853 weighs its fifth- and third-order estimates (ibid., II.10)
         if high == 0.0 and low == 0.0:
             return 0.0
         return h * high / sqrt((high + 0.01 * low) * n)
@@ -120,31 +139,49 @@ def evaluate(w, n, theta, out):
         out[i] = one
 
 
+def feel(model, w, p, mode, n, t):
+    """w.rough[mode]: the rounding of each derivative, 8·ε·Σ|∂f/∂yⱼ·yⱼ|, where the mode is first met. w.k[0] is the flow."""
+    rough = w.rough[mode]
+    for i in range(n):
+        w.y_try[i], rough[i] = w.y[i], 0.0
+    for j in range(n):
+        if w.y[j] != 0.0:
+            w.y_try[j] = w.y[j] * (1.0 + 1e-6)
+            rates(model, w, mode, n, t, w.y_try, p, w.err[0])
+            w.i[FLOWS] += 1
+            w.y_try[j] = w.y[j]
+            for i in range(n):
+                moved = abs(w.err[0][i] - w.k[0][i])
+                if isfinite(moved):
+                    rough[i] += 8e6 * EPS * moved
+    w.felt[mode] = 1
+
+
 def first_step(model, w, p, mode, n):
     """A step to begin with (Hairer, Nørsett, Wanner, II.4), from w.k[0]."""
-    t, rtol, atol = w.f[T], w.f[RTOL], w.f[ATOL]
+    t, rtol = w.f[T], w.f[RTOL]
     span = min(w.f[T_END] - t, w.f[MAX_STEP])
-    d0, d1 = 0.0, 0.0
-    for i in range(n):
-        scale = atol + abs(w.y[i]) * rtol
+    d0, d1, d2 = 0.0, 0.0, 0.0
+    for i in range(n):  # a state has at least the size that it gets in a millionth of the run
+        scale = allowed(w, mode, i, max(abs(w.y[i]), 1e-6 * span * abs(w.k[0][i])), 0.0)
         d0 += (w.y[i] / scale) * (w.y[i] / scale)
         d1 += (w.k[0][i] / scale) * (w.k[0][i] / scale)
     d0, d1 = sqrt(d0 / n), sqrt(d1 / n)
-    h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(h0, span)
+    h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+    h0 = min(max(h0, 1e-9 * span), span)
     for i in range(n):
         w.y_try[i] = w.y[i] + h0 * w.k[0][i]
     rates(model, w, mode, n, t + h0, w.y_try, p, w.k[1])
     w.i[FLOWS] += 1
-    d2 = 0.0
     for i in range(n):
-        scale = atol + abs(w.y[i]) * rtol
-        d2 += ((w.k[1][i] - w.k[0][i]) / scale) * ((w.k[1][i] - w.k[0][i]) / scale)
+        scale = allowed(w, mode, i, abs(w.y[i]), h0)
+        change = (w.k[1][i] - w.k[0][i]) / scale
+        d2 += change * change
     d2 = sqrt(d2 / n) / h0
     if not isfinite(d2):
         return h0 * 1e-3
     if d1 <= 1e-15 and d2 <= 1e-15:
-        h1 = max(1e-6, h0 * 1e-3)
+        h1 = max(1e-6 * span, h0 * 1e-3)
     else:
         h1 = (0.01 / max(d1, d2)) ** (1.0 / w.i[ORDER])
     return min(100.0 * h0, h1, span)

@@ -1,0 +1,349 @@
+"""One instant: everything that happens at it, one transition after the other.
+
+At an instant some guards have crossed (w.wait), some schedules and dead times are due. The transition
+of highest priority acts, then sides are taken again, until nobody waits any more. Each crossing is
+used once; `sides` says who waits.
+"""
+
+from .layout import *
+from .sides import know_flow, leaves, sides
+from .sliding import begin_sliding, mixing
+
+
+def room(w):
+    """How many more samples of the grid there is room for; four are kept for the two sides of events and the last state."""
+    return w.room[ROOM_OUT] - w.i[OUT] - 4
+
+
+def record(model, w, p, t, mode, n, y):
+    """One sample, unless it is the last one again."""
+    row, jump = w.i[OUT], w.i[JUMP]
+    if row > w.i[OUT_FROM] and w.out[row - 1][0] == t and w.out[row - 1][2] == jump:
+        return
+    out = w.out[row]
+    out[0], out[1], out[2], out[3], out[4] = t, mode, jump, -1.0, 0.0
+    if w.i[SLIDING] == 1:
+        out[3], out[4] = w.i[SLIDE_B], mixing(model, w, p, n, t, y)
+    for i in range(n):
+        out[5 + i] = y[i]
+    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+        out[5 + i] = y[i]
+    w.i[OUT] = row + 1
+
+
+def keep_piece(w, t, h, mode, n):
+    if w.i[DENSE] == 1:
+        piece, width = w.pieces[w.i[PIECES]], w.i[WIDTH]
+        piece[0], piece[1], piece[2] = t, h, mode
+        piece[3] = w.i[SLIDE_B] if w.i[SLIDING] == 1 else -1.0
+        for d in range(w.i[DEGREE] + 1):
+            for i in range(n):
+                piece[4 + d * width + i] = w.poly[d][i]
+        for i in range(w.i[HELD]):
+            piece[4 + (w.i[DEGREE] + 1) * width + i] = w.y[width + i]
+        w.i[PIECES] += 1
+
+
+def write_down(w, place, n, y):
+    """A state into a line of the ledger: before an event (place 0) or after it (1)."""
+    line, width = w.ledger[w.i[LEDGER]], w.i[WIDTH] + w.i[HELD]
+    first = 5 + place * width
+    for i in range(n):
+        line[first + i] = y[i]
+    for i in range(w.i[WIDTH], width):
+        line[first + i] = y[i]
+
+
+def leave(model, w, p, mode, source, n, transition):
+    """The sample before an event, and the left half of the ledger's line."""
+    t = w.f[T]
+    record(model, w, p, t, mode, n, w.y)
+    line = w.ledger[w.i[LEDGER]]
+    line[0], line[1], line[2], line[3] = t, transition, w.i[JUMP], source
+    write_down(w, 0, n, w.y)
+    w.i[WHO] = transition
+
+
+def enter(model, w, p, mode, target, n):
+    """The right half of the ledger's line for the state in w.y, the mode, and the sample after the event."""
+    i = w.i
+    write_down(w, 1, n, w.y)
+    w.ledger[i[LEDGER]][4] = target
+    i[LEDGER] += 1
+    i[JUMP] += 1
+    i[MODE] = mode
+    i[KNOWN], i[FRESH], i[ENTRY], i[BUSY] = 0, 1, 1, 1
+    i[SAME] = i[SAME] + 1 if w.f[T] == w.f[EVENT_T] else 1
+    w.f[EVENT_T] = w.f[T]
+    record(model, w, p, w.f[T], mode, n, w.y)
+
+
+def carry(w):
+    """Held variables stand beside every state that the model's functions are called with."""
+    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+        w.y_new[i], w.y_try[i] = w.y[i], w.y[i]
+        w.y_look[i], w.y_shake[i], w.y_probe[i] = w.y[i], w.y[i], w.y[i]
+
+
+def grown(w, n):
+    """The largest size of each state so far."""
+    for i in range(n):
+        w.most[i] = max(w.most[i], abs(w.y[i]))
+
+
+def arrive(model, w, p):
+    """At an instant: what has crossed (w.came, and what else is on its surface), and until when schedules count as due."""
+    i, f = w.i, w.f
+    f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
+    i[ARRIVED], i[BUSY], i[ENTRY] = i[MODE], 1, 1
+    for slot in range(i[TRANSITIONS] + 2):
+        w.slack[slot] = 0.0
+    return sides(model, w, p, ARRIVE, -9)
+
+
+def choose(w):
+    """The transition that acts next, and why (w.i[KIND]); the ends of sliding (−1, −2) last; −9 if there is none."""
+    best, rank, i = -9, w.i[TRANSITIONS], w.i
+    mode = i[MODE]
+    for s in range(i[SCHEDULES]):
+        q = w.plan[s]
+        if w.rank[q] < rank and plan_time(w, s) <= w.f[UNTIL] and leaves(w, q, mode):
+            # Transitions with an equal schedule are one clock: those act that leave the mode it found
+            if w.shared[s] == 0 or w.source[q][i[ARRIVED]] == 1:
+                best, rank, i[KIND] = q, w.rank[q], DUE
+    for place in range(i[PENDING]):
+        q = w.queue[place]
+        if w.rank[q] < rank and w.queue_t[place] <= w.f[UNTIL] and leaves(w, q, mode):
+            best, rank, i[KIND] = q, w.rank[q], LATE
+    for q in range(i[TRANSITIONS]):
+        if w.wait[q + 2] == 1 and w.rank[q] < rank:
+            best, rank, i[KIND] = q, w.rank[q], CROSSED
+    if best == -9 and i[SLIDING] == 1:
+        for end in range(-2, 0):
+            if w.wait[end + 2] == 1:
+                best, i[KIND] = end, CROSSED
+    return best
+
+
+def use(w, q):
+    """Its crossing, its instant or its dead time is used."""
+    i = w.i
+    if i[KIND] == CROSSED:
+        w.wait[q + 2] = 0
+    elif i[KIND] == DUE:
+        for s in range(i[SCHEDULES]):
+            if w.plan[s] == q:
+                w.plan_next[s] += 1
+    else:
+        for place in range(i[PENDING]):
+            if w.queue[place] == q and w.queue_t[place] <= w.f[UNTIL]:
+                drop(w, place)
+                break
+
+
+def drop(w, place):
+    """Takes a dead time off the queue."""
+    w.i[PENDING] -= 1
+    for later in range(place, w.i[PENDING]):
+        w.queue[later], w.queue_t[later] = w.queue[later + 1], w.queue_t[later + 1]
+
+
+def forget(w):
+    """The instant is over: what was due and leaves another mode is dropped."""
+    w.i[BUSY] = 0
+    for s in range(w.i[SCHEDULES]):
+        while plan_time(w, s) <= w.f[UNTIL]:
+            w.plan_next[s] += 1
+    for place in range(w.i[PENDING] - 1, -1, -1):
+        if w.queue_t[place] <= w.f[UNTIL]:
+            drop(w, place)
+    for slot in range(w.i[TRANSITIONS] + 2):
+        w.came[slot], w.slack[slot] = 0, 0.0
+
+
+def happen(model, w, p, q):
+    """Transition q, or an end of sliding, acts now. PAUSE, or why the run ends."""
+    i, t = w.i, w.f[T]
+    use(w, q)
+    if q < 0:
+        return stop_sliding(model, w, p, i[SLIDE_A] if q == -1 else i[SLIDE_B])
+    if i[KIND] == CROSSED and w.delay[i[LANE]][q] > 0.0:  # its dead time begins
+        if i[PENDING] >= QUEUE:
+            i[WHO] = q
+            return QUEUE_FULL
+        w.queue_t[i[PENDING]], w.queue[i[PENDING]] = t + w.delay[i[LANE]][q], q
+        i[PENDING] += 1
+        return PAUSE
+    if i[KIND] == CROSSED and begin_sliding(model, w, p, q) == 1:
+        return start_sliding(model, w, p)
+    return fire(model, w, p, q)
+
+
+def start_sliding(model, w, p):
+    i = w.i
+    n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
+    i[SLIDING] = 0
+    leave(model, w, p, i[SLIDE_B], i[SLIDE_B], n, surface)
+    i[SLIDING] = 1
+    enter(model, w, p, i[SLIDE_A], SLIDE, n)
+    for slot in range(2):
+        w.side[slot], w.scale[slot], w.wait[slot], w.flat[slot] = -1, 0.0, 0, 0
+    return settled(model, w, p, surface)
+
+
+def stop_sliding(model, w, p, mode):
+    """Over to the mode whose flow no longer pushes; its guard on the surface is on the near side, by that very push."""
+    i = w.i
+    n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
+    back = w.leave[w.leave_from[mode] + (i[GUARD_A] if mode == i[SLIDE_A] else i[GUARD_B])]
+    leave(model, w, p, i[SLIDE_A], SLIDE, n, surface)
+    i[SLIDING] = 0
+    enter(model, w, p, mode, mode, n)
+    status = sides(model, w, p, ENTERED, back)
+    w.wait[back + 2] = 0
+    if w.directed[back] == 1:
+        w.side[back + 2] = -1
+    return status
+
+
+def settled(model, w, p, surface):
+    """Sides once sliding has begun: who waited waits on, and nobody else."""
+    for slot in range(2, w.i[TRANSITIONS] + 2):
+        if not leaves(w, slot - 2, w.i[MODE]):
+            w.wait[slot] = 0
+    return sides(model, w, p, JUMPED_TO, surface)
+
+
+def fire(model, w, p, q):
+    """The transition at the current time and state."""
+    i = w.i
+    mode = i[MODE]
+    if i[SLIDING] == 1:  # from the one of the two modes that it leaves
+        leave(model, w, p, mode, mode, w.size[mode], q)
+        i[SLIDING] = 0
+        for end in range(2):  # seen from within either mode the surface has not been crossed
+            here = i[SLIDE_A] if end == 0 else i[SLIDE_B]
+            slot = w.leave[w.leave_from[here] + (i[GUARD_A] if end == 0 else i[GUARD_B])] + 2
+            w.side[slot] = -w.side[slot]
+        if w.source[q][mode] == 0:
+            mode = i[SLIDE_B]
+            w.ledger[i[LEDGER]][3] = mode
+        i[MODE] = mode
+    else:
+        leave(model, w, p, mode, mode, w.size[mode], q)
+    n, target = w.size[mode], w.target[q]
+    if target < 0:
+        write_down(w, 1, n, w.y)
+        w.ledger[i[LEDGER]][4] = -1
+        i[LEDGER] += 1
+        return TERMINAL
+    size = w.size[target]
+    reset(model, q, mode, w.f[T], w.y, p, w.y_new)
+    for k in range(size):
+        w.y[k] = w.y_new[k]
+    for k in range(i[WIDTH], i[WIDTH] + i[HELD]):
+        w.y[k] = w.y_new[k]
+    carry(w)
+    if w.family[mode] != w.family[target]:
+        for k in range(size):
+            w.most[k] = 0.0
+    grown(w, size)
+    enter(model, w, p, target, target, size)
+    own = q if i[KIND] == CROSSED or mode != target else -9
+    status = sides(model, w, p, JUMPED_TO if mode == target else ENTERED, own)
+    if status != PAUSE and status != CONTACT:
+        return status
+    if i[KIND] == CROSSED:
+        flight(w, q)
+    if status == CONTACT or w.few[q] > 3 + i[TRANSITIONS]:
+        status = pile_up(model, w, p, q)
+    elif i[SAME] > 5000 + 10 * i[TRANSITIONS] * i[TRANSITIONS]:
+        status = pile_up(model, w, p, q) if w.shorter[q] >= 3 else LOOP
+    grow_old(w, q, size)
+    return status
+
+
+def flight(w, q):
+    """How long since the transition's last event; whether flights shrink, and how many in a row are beyond the clock."""
+    t = w.f[T]
+    gap = t - w.last_t[q]
+    if gap <= 0.0:
+        return
+    anchor = w.anchor[q]
+    if gap < 0.9999 * w.last_gap[q]:
+        w.shorter[q] += 1
+        anchor[1] += 1.0
+        anchor[3] += 1.0
+        if gap < 1e-3 * anchor[2]:  # the ratio of flights is taken over at least three decades, where there are
+            anchor[0], anchor[1], anchor[2], anchor[3] = anchor[2], anchor[3], gap, 0.0
+    else:
+        w.shorter[q] = 0
+        anchor[0], anchor[1], anchor[2], anchor[3] = gap, 0.0, gap, 0.0
+    w.few[q] = w.few[q] + 1 if gap <= 64.0 * EPS * max(abs(t), abs(w.f[BEFORE])) else 0
+    w.last_gap[q] = gap
+
+
+def grow_old(w, q, size):
+    w.last_t[q] = w.f[T]
+    for k in range(size):
+        w.last_y[q][k] = w.y[k]
+
+
+def pile_up(model, w, p, q):
+    """Flights that cannot be resolved any more: over to the mode of rest, at the instant and the state they tend to.
+
+    Flights that shrink by the ratio r add up to gap·r/(1 − r) after the last one, and the states go on
+    to s + (s − s_before)·r/(1 − r) (Aitken).
+    """
+    i, f = w.i, w.f
+    t, mode, gap = f[T], i[MODE], w.last_gap[q]
+    n, more, factor = w.size[mode], 0.0, 0.0
+    zeno = w.shorter[q] >= 2 and w.anchor[q][1] > 0.0
+    if zeno:
+        ratio = (gap / w.anchor[q][0]) ** (1.0 / w.anchor[q][1])
+        factor = ratio / (1.0 - ratio)
+        more = gap * factor
+    f[ZENO_T] = t + more
+    i[WHO] = q
+    rest = w.zeno[q]
+    if rest < 0:
+        return ZENO if zeno else CONTACT
+    limit = min(next_due(w), f[T_END])
+    if t + more > limit:
+        more, factor = max(0.0, limit - t), 0.0
+    for k in range(n):
+        step = (w.y[k] - w.last_y[q][k]) * factor
+        w.poly[0][k], w.poly[1][k] = w.y[k], step
+        for d in range(2, i[DEGREE] + 1):
+            w.poly[d][k] = 0.0
+        w.y[k] += step
+    if t + more > t:
+        keep_piece(w, t, more, mode, n)
+        f[T] = t + more
+        i[BUSY] = 0
+        for slot in range(i[TRANSITIONS] + 2):
+            w.came[slot], w.slack[slot], w.wait[slot] = 0, 0.0, 0
+        f[BEFORE], f[UNTIL] = t, f[T]
+        i[ARRIVED] = mode
+    leave(model, w, p, mode, mode, n, q)
+    enter(model, w, p, rest, rest, n)
+    return sides(model, w, p, ENTERED, q)
+
+
+def plan_time(w, s):
+    """Next instant of schedule s, or infinity."""
+    lane = w.i[LANE]
+    if w.plan_period[lane][s] > 0.0:
+        return w.plan_first[lane][s] + w.plan_next[s] * w.plan_period[lane][s]
+    place = w.plan_from[s] + w.plan_next[s]
+    return w.instant[lane][place] if place < w.plan_from[s + 1] else 1e300
+
+
+def next_due(w):
+    """The next instant of a schedule or at the end of a dead time."""
+    due = 1e300
+    for s in range(w.i[SCHEDULES]):
+        due = min(due, plan_time(w, s))
+    for q in range(w.i[PENDING]):
+        due = min(due, w.queue_t[q])
+    return due

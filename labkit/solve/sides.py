@@ -1,0 +1,309 @@
+"""The side of each guard, − or +, where it is not plain from the guard's value: what an event means.
+
+Between events every guard has a side. At an instant (an event, a schedule, the start, the end) it is
+the sign of the guard's value; where that is zero to its own rounding, the sign with which the guard
+leaves zero along the flow. `sides` works that out before and after each jump, and a guard whose side
+has changed waits for its transition to act (w.wait). Its slot is its transition's number + 2.
+
+    doubt     how well a guard is known: its own rounding, from its own terms
+    leaving   to which side a guard that is zero leaves, by the slope or, if that says nothing, by
+              following the flow until it is clear of zero
+    sides     all guards of the mode: side, and who waits
+"""
+
+from math import isfinite
+
+from .layout import *
+from .sliding import rates, watch, watch_count, watched
+
+SHAKE = 9.5367431640625e-07  # 2⁻²⁰
+CLEAR = 64.0  # a guard is clear of zero by so many roundings; what moves less is not resolved
+
+
+def know_flow(model, w, p):
+    """The flow at the current time and state is in w.k[0]."""
+    if w.i[KNOWN] == 0:
+        mode = w.i[MODE]
+        rates(model, w, mode, w.size[mode], w.f[T], w.y, p, w.k[0])
+        w.i[FLOWS] += 1
+        w.i[KNOWN] = 1
+
+
+def gauge(model, w, p, mode, n, t, y, k, value, wide):
+    """Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| of the k-th guard, whose value is given; wide: with each state's largest size so far.
+
+    Times ε it is the guard's rounding; times rtol, and wide, what the tolerance lets it be wrong by.
+    """
+    total = 0.0
+    for i in range(n):
+        w.y_shake[i] = y[i]
+    for i in range(n):
+        size = w.most[i] if wide == 1 else abs(y[i])
+        if size > 0.0:
+            w.y_shake[i] = y[i] + SHAKE * size
+            watch(model, w, mode, n, t, w.y_shake, p, w.g_look)
+            w.i[GUARDS] += 1
+            w.y_shake[i] = y[i]
+            if isfinite(w.g_look[k]):
+                total += abs(w.g_look[k] - value) / SHAKE
+    if t != 0.0 and wide == 0:
+        watch(model, w, mode, n, t * (1.0 + SHAKE), w.y_shake, p, w.g_look)
+        w.i[GUARDS] += 1
+        if isfinite(w.g_look[k]):
+            total += abs(w.g_look[k] - value) / SHAKE
+    return total
+
+
+def doubt(model, w, p, mode, n, t, y, k, value):
+    """Below which size the k-th guard counts as zero at (t, y): 16 times its own rounding.
+
+    Its terms are worked out anew when a state has more than doubled or a guard comes near zero that
+    the last ones did not foresee.
+    """
+    slot = watched(w, mode, k) + 2
+    known = w.scale[slot] > 0.0 and abs(t) <= 2.0 * w.scale_y[slot][w.i[WIDTH]]
+    for i in range(n):
+        if abs(y[i]) > 2.0 * w.scale_y[slot][i]:
+            known = False
+    if not known or abs(value) <= 1e-6 * w.scale[slot] and smaller(w, n, t, y, slot):
+        w.scale[slot] = gauge(model, w, p, mode, n, t, y, k, value, 0)
+        for i in range(n):
+            w.scale_y[slot][i] = abs(y[i])
+        w.scale_y[slot][w.i[WIDTH]] = abs(t)
+    rounding = 16.0 * EPS * w.scale[slot]
+    if w.i[SLIDING] == 1 and k < 2:  # a slope, by differences over PROBE
+        surface = w.leave[w.leave_from[w.i[SLIDE_A]] + w.i[GUARD_A]]
+        rounding += 16.0 * EPS * w.scale[surface + 2] / w.f[PROBE]
+    return rounding
+
+
+def smaller(w, n, t, y, slot):
+    """Is a state less than half of what it was when the guard's rounding was worked out?"""
+    if 2.0 * abs(t) < w.scale_y[slot][w.i[WIDTH]]:
+        return True
+    for i in range(n):
+        if 2.0 * abs(y[i]) < w.scale_y[slot][i]:
+            return True
+    return False
+
+
+def look(model, w, p, mode, n, t, e, order, out):
+    """Guards at t + e into `out`, after one step e along the flow: Euler's (order 1), Heun's (2) or the classical one (4)."""
+    one, two, three, four = w.k[0], w.ahead[1], w.ahead[2], w.ahead[3]
+    y, look = w.y, w.y_look
+    for i in range(n):
+        look[i] = y[i] + (0.5 * e if order == 4 else e) * one[i]
+    if order == 2:
+        rates(model, w, mode, n, t + e, look, p, two)
+        for i in range(n):
+            look[i] = y[i] + 0.5 * e * (one[i] + two[i])
+    if order == 4:
+        rates(model, w, mode, n, t + 0.5 * e, look, p, two)
+        for i in range(n):
+            look[i] = y[i] + 0.5 * e * two[i]
+        rates(model, w, mode, n, t + 0.5 * e, look, p, three)
+        for i in range(n):
+            look[i] = y[i] + e * three[i]
+        rates(model, w, mode, n, t + e, look, p, four)
+        for i in range(n):
+            look[i] = y[i] + e / 6.0 * (one[i] + 2.0 * (two[i] + three[i]) + four[i])
+    w.i[FLOWS] += order - 1
+    watch(model, w, mode, n, t + e, look, p, out)
+    w.i[GUARDS] += 1
+
+
+def slope_ahead(model, w, p, mode, n, t, k, value):
+    """dg/dt of the k-th guard along the flow; all guards are looked at once, a ten-thousandth of a step ahead."""
+    e = max(1e-4 * w.f[H], 1e6 * EPS * max(abs(t), abs(w.f[BEFORE])))
+    if w.i[AHEAD] == 0:
+        know_flow(model, w, p)
+        look(model, w, p, mode, n, t, e, 1, w.g_ahead)
+        w.i[AHEAD] = 1
+    return (w.g_ahead[k] - value) / e
+
+
+def leaving(model, w, p, mode, n, t, k, value, band):
+    """How the k-th guard leaves zero along the flow: ±1 by its slope, ±2 later, 0 never.
+
+    Where ±2, w.f[LATER] is when it is clear of zero, and w.f[GONE] how far it was w.f[GONE_T] from now.
+    """
+    slope = slope_ahead(model, w, p, mode, n, t, k, value)
+    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
+    first = CLEAR * tick if tick > 0.0 else 1e-13 * w.f[H]
+    if slope != 0.0 and isfinite(slope):
+        e = max(first, 2.0 * CLEAR * band / abs(slope))
+        if e <= 0.1 * w.f[H]:
+            look(model, w, p, mode, n, t, e, 2, w.g_look)
+            gone = w.g_look[k] if slope > 0.0 else -w.g_look[k]
+            if gone > 0.25 * abs(slope) * e and gone > 0.25 * CLEAR * band:
+                w.f[LATER], w.f[GONE_T] = t, e
+                return 1 if slope > 0.0 else -1
+    # The slope says nothing, or what it says is over before it can be told from rounding
+    found, e = 0, first
+    tolerated = -1.0
+    while e <= 64.0 * w.f[H]:
+        look(model, w, p, mode, n, t, e, 4, w.g_look)
+        gone = w.g_look[k]
+        if not isfinite(gone):
+            break
+        if abs(gone) > CLEAR * band:
+            if found == 0:
+                found = 2 if gone > 0.0 else -2
+                w.f[GONE], w.f[GONE_T] = abs(gone), e
+                look(model, w, p, mode, n, t, e, 1, w.g_look)
+                straight = w.g_look[k] - value
+                if (straight > 0.0) == (gone > 0.0) and abs(straight) > 0.25 * abs(gone):
+                    w.f[LATER] = t
+                    return 1 if gone > 0.0 else -1  # by its slope after all
+            if (gone > 0.0) != (found > 0):
+                break
+            w.f[LATER] = t + e
+            if tolerated < 0.0:
+                tolerated = 0.01 * w.f[RTOL] * gauge(model, w, p, mode, n, t, w.y, k, value, 1)
+            if abs(gone) > tolerated:
+                break
+        e *= 8.0
+    return found
+
+
+def sides(model, w, p, how, fired):
+    """The side of every guard here, and which of them wait for their transitions to act. PAUSE, or why the run ends.
+
+    how: ARRIVE (at an instant, before anything happens), JUMPED_TO (an event has left the mode as it
+    is; `fired` is its transition), ENTERED (it has changed the mode), START.
+    """
+    i, f = w.i, w.f
+    mode, t = i[MODE], f[T]
+    n, count = w.size[mode], watch_count(w, mode)
+    if how == ENTERED:
+        for q in range(i[TRANSITIONS]):  # the mode they leave is gone
+            if not leaves(w, q, mode):
+                w.wait[q + 2] = 0
+    if count == 0:
+        return PAUSE
+    i[AHEAD] = 0
+    tick = 8.0 * EPS * max(abs(t), abs(f[BEFORE]))
+    watch(model, w, mode, n, t, w.y, p, w.g)
+    i[GUARDS] += 1
+    for k in range(count):
+        q = watched(w, mode, k)
+        slot = q + 2
+        value, was = w.g[k], w.side[slot]
+        if not isfinite(value):
+            i[WHO] = max(q, 0)
+            return GUARD_NAN
+        if how == ARRIVE and w.came[slot] == 1:  # just located: zero, whatever its value
+            w.slack[slot] = abs(value)
+            w.wait[slot] = 1
+            continue
+        directed = q < 0 or w.directed[q] == 1
+        urgent = YES if q < 0 else w.urgent[q]
+        own = doubt(model, w, p, mode, n, t, w.y, k, value)
+        band = own + 2.0 * w.slack[slot]
+        clear = abs(value) > band
+        if clear and i[LOCATE] == 1 and how != START:
+            # On the surface within the rounding of the clock: its crossing belongs to this instant
+            steep = w.swing[slot]
+            if how == ENTERED:
+                steep = abs(slope_ahead(model, w, p, mode, n, t, k, value))
+            if abs(value) <= tick * steep:
+                clear = False
+                band += abs(value)
+        now = 1 if value > 0.0 else -1
+        order = 1
+        if not clear:
+            order = leaving(model, w, p, mode, n, t, k, value, band)
+            now = 1 if order > 0 else -1
+            if order == 0 and (how == ARRIVE or how == JUMPED_TO):
+                if w.came[slot] == 1 and abs(value) > own:
+                    now, clear = was, True  # no jump has moved it, and it does not move by itself
+                elif not directed:
+                    now = was  # to rest on a surface is not to cross it
+        w.flat[slot] = 0 if clear else 1
+        w.awake[slot] = f[LATER] if order == 2 or order == -2 else t
+        w.side[slot] = now
+        again = urgent == YES and q >= 0 and now > 0 and w.delay[i[LANE]][max(q, 0)] == 0.0
+        if how == ENTERED:
+            beyond = directed and now > 0
+            turned = 0
+            if not clear and (not directed or urgent == NO):
+                turned = turned_back(model, w, p, mode, n, t, k, value, band, now)
+            if w.wait[slot] == 1:  # it leaves the mode before, too
+                w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
+            elif q != fired:
+                if directed and urgent != NO:
+                    w.wait[slot] = 1 if beyond else 0
+                else:
+                    w.wait[slot] = 1 if turned == 1 and (now > 0 or not directed) else 0
+        elif how == START:
+            if directed and now > 0:
+                if clear and urgent == REFUSE:
+                    i[WHO] = max(q, 0)
+                    return BAD_START
+                w.wait[slot] = 0 if urgent == NO else 1
+        elif q == fired and how == JUMPED_TO:
+            w.wait[slot] = 1 if again else 0
+            if not clear and now == was and order != 0 and not again:
+                if stopped(model, w, p, mode, n, t, k, slot, order) == 1:
+                    return CONTACT
+        else:
+            crossed = now != was and (now > 0 or not directed)
+            if w.wait[slot] == 1:
+                w.wait[slot] = 1 if now == was else 0  # else a jump has undone its crossing
+            elif crossed and (urgent != NO or how == ARRIVE):
+                w.wait[slot] = 1
+    return PAUSE
+
+
+def leaves(w, q, mode):
+    """Does transition q leave the mode, or one of the two while sliding?"""
+    return w.source[q][mode] == 1 or w.i[SLIDING] == 1 and w.source[q][w.i[SLIDE_B]] == 1
+
+
+def turned_back(model, w, p, mode, n, t, k, value, band, now):
+    """Has a change of mode without a jump turned back a guard that is zero (1), or did it come from where it goes (0)?
+
+    It has the far side of the arrival: the sign of its slope along the flow of the mode before.
+    """
+    line = w.ledger[w.i[LEDGER] - 1]
+    before = int(line[3])
+    if before < 0 or w.size[before] != n:
+        return 0
+    for i in range(n):
+        if abs(line[5 + i] - w.y[i]) > 64.0 * EPS * w.most[i]:
+            return 0
+    e = max(1e-4 * w.f[H], 1e6 * EPS * max(abs(t), abs(w.f[BEFORE])))
+    flow(model, before, t, w.y, p, w.ahead[1])
+    for i in range(n):
+        w.y_look[i] = w.y[i] + e * w.ahead[1][i]
+    watch(model, w, mode, n, t + e, w.y_look, p, w.g_look)
+    w.i[FLOWS] += 1
+    w.i[GUARDS] += 1
+    far = w.g_look[k] - value
+    return 1 if abs(far) > 2.0 * band and (far > 0.0) != (now > 0) else 0
+
+
+def stopped(model, w, p, mode, n, t, k, slot, order):
+    """A guard is beyond its surface after its own reset: does the body rest there (1), or pass through (0)?
+
+    It rests if it came with a speed that the reset has taken away. It also does if the flow it came by
+    says that it did not come at all: then the method's error decides, not the flight.
+    """
+    if w.came[slot] == 0:
+        return 1 if order == 2 or order == -2 else 0
+    line = w.ledger[w.i[LEDGER] - 1]
+    e = w.f[GONE_T] if order == 1 or order == -1 else 0.125 * w.f[GONE_T]
+    for i in range(n):
+        w.y_look[i] = line[5 + i]
+    watch(model, w, mode, n, t, w.y_look, p, w.g_look)
+    value = w.g_look[k]
+    rates(model, w, mode, n, t, w.y_look, p, w.ahead[1])
+    for i in range(n):
+        w.y_look[i] += e * w.ahead[1][i]
+    watch(model, w, mode, n, t + e, w.y_look, p, w.g_look)
+    w.i[FLOWS] += 1
+    w.i[GUARDS] += 2
+    moved = w.g_look[k] - value
+    if order == 1 or order == -1:
+        return 1 if moved * order < 0.0 else 0
+    return 1 if 8.0 * abs(moved) > 0.1 * w.f[GONE] else 0
