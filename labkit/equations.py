@@ -63,7 +63,8 @@ class Equations:
 
     flows     mode -> {state: expression of its derivative}
     guards    one expression a transition, in their order; None where a schedule stands instead
-    resets    one {state after: expression in the states before} a transition; None where the state is kept
+    resets    one {state after: expression in the states before} a transition, of a reset that names
+              what changes only that; None where the state is kept
     outputs   output -> {mode: expression}
     Symbols are real and carry the Python names: sympy.Symbol("x", real=True). Helper functions with cases are
     written out in these; the display keeps their names. What cannot be traced is an `Untraced` in its place.
@@ -98,9 +99,8 @@ class Equations:
 
     def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
         """An expression, or {name: expression} where names are given, or Untraced."""
-        s = self.system.S[mode](
-            *(Quantity(self.states[name]) for name in self.system.states_of(mode))
-        )
+        kind = self.system.S[mode]
+        s = kind(*(Quantity(self.states[name]) for name in kind._fields))
         try:
             result = self._tracer.trace(function, Quantity(self.t), s, self._p)
             if names is None and isinstance(result, tuple):
@@ -117,14 +117,17 @@ class Equations:
             return Untraced(_source(function), str(error))
 
     def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
-        guard = None if tr.guard is None else self._trace(tr.guard, sources[0])
-        target = self.system.states_of(tr.target or sources[0])
-        return _Row(
-            tr,
-            sources,
-            guard,
-            None if tr.reset is None else self._trace(tr.reset, sources[0], target),
-        )
+        mode = sources[0]
+        guard = None if tr.guard is None else self._trace(tr.guard, mode)
+        if isinstance(tr.reset, Mapping):
+            parts = self.system.reset_parts(tr, mode)
+            reset = {name: self._trace(parts[name], mode) for name in tr.reset}
+            reset = next((e for e in reset.values() if isinstance(e, Untraced)), reset)
+        elif tr.reset is not None:
+            reset = self._trace(tr.reset, mode, self.system.states_of(tr.target or mode))
+        else:
+            reset = None
+        return _Row(tr, sources, guard, reset)
 
     def _functions(self, output: str) -> Mapping[str, Callable]:
         function = self.system.outputs[output].function
@@ -152,13 +155,19 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
-        states = ", ".join(
-            f"${latex_name(n)}$"
+        words = {
+            n: f"${latex_name(n)}$"
             + (f" {system.meanings[n]}" if system.meanings[n] else "")
             + (f" [{u}]" if u else "")
             for n, u in system.units.items()
-        )
-        parts = [f"**{system.name}**: states {states}"]
+        }
+        parts = [
+            f"**{system.name}**: states {', '.join(words[n] for n in words if n not in system.held)}"
+        ]
+        if system.held:
+            parts[0] += (
+                f"; held, changed by events only: {', '.join(words[n] for n in system.held)}"
+            )
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
             shown = self._shown[mode.name]
@@ -324,7 +333,7 @@ class Jacobian(sp.ImmutableDenseMatrix):
         Raises ModelError for an unknown or missing state or parameter.
         """
         system = self.equations.system
-        names = system.states_of(self.mode)
+        names = system.S[self.mode]._fields
         state = {**{n: system.start[n] for n in names if n in system.start}, **(state or {})}
         values = [t, *system.check_start(state, self.mode), *system.values(parameters)]
         symbols = [
@@ -382,7 +391,10 @@ def _derivative(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
 
 
 def parameter_table(system: System) -> Table:
-    """parameter_table(system) -> Table: symbol, name in the code, meaning, value, unit and range of every parameter."""
+    """parameter_table(system) -> Table: a row for every parameter, then for every held variable.
+
+    Symbol, name in the code, meaning, value (of a held variable: at the start), unit and range.
+    """
     _check(system, "parameter_table")
     rows = []
     for name, what in system.parameters.items():
@@ -406,6 +418,10 @@ def parameter_table(system: System) -> Table:
                 span,
             )
         )
+    for name, held in system.held.items():
+        symbol = f"${latex_name(name)}$"
+        span = "changed by events"
+        rows.append((symbol, f"`{name}`", held.meaning, _plain(held.start), held.unit, span))
     return Table(("symbol", "in the code", "meaning", "value", "unit", "range"), rows)
 
 

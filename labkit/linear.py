@@ -236,10 +236,12 @@ def _phi1_slope(z: np.ndarray) -> np.ndarray:
     return np.where(np.abs(z) < 1, series, (np.exp(safe) * (safe - 1) + 1) / safe**2)
 
 
-def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """A, b = affine(system, run.p): the matrix and the inflow of a linear model, from its own flow at three points.
+def affine(
+    system: System, p: tuple | None = None, at: Mapping[str, float] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """A, b = affine(system, run.p): matrix and inflow of a linear model, from its flow at three points.
 
-    Raises ModelError for a model that has not two states and one mode, or is not linear.
+    Held variables stand as in `at` (run.start, say), or as at the system's start. Raises ModelError for a model that has not two states and one mode, or is not linear.
     """
     (mode,) = system.modes.values() if len(system.modes) == 1 else (None,)
     if mode is None or len(system.states) != 2:
@@ -247,9 +249,10 @@ def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarr
             f"{system.name!r} has {len(system.modes)} mode(s) and the states {listed(system.states)}; here a system has one mode and two states"
         )
     kind, p = system.S[mode.name], system.values() if p is None else p
+    held = [(at or system.start)[name] for name in system.held]
 
     def flow(x: float, y: float, t: float = 0.0) -> np.ndarray:
-        return np.array(mode.flow(t, kind(x, y), p), dtype=float)
+        return np.array(mode.flow(t, kind(x, y, *held), p), dtype=float)
 
     b = flow(0.0, 0.0)
     A = np.column_stack([flow(1.0, 0.0) - flow(-1.0, 0.0), flow(0.0, 1.0) - flow(0.0, -1.0)]) / 2
@@ -268,7 +271,7 @@ def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarr
 
 def true_error(run: Run) -> np.ndarray:
     """true_error(run) -> distance between simulated and exact state at every sample of a run of a linear model, shape (m,)."""
-    A, b = affine(run.system, run.p)
+    A, b = affine(run.system, run.p, run.start)
     return np.hypot(*(run.values[:, :2] - exact(A, b, run.values[0, :2], run.t - run.t[0])).T)
 
 
@@ -299,7 +302,7 @@ def error_table(
         )
         error, size = (
             true_error(run),
-            np.hypot(*exact(*affine(system, run.p), run.values[0, :2], run.t).T).max(),
+            np.hypot(*exact(*affine(system, run.p, run.start), run.values[0, :2], run.t).T).max(),
         )
         rows.append(
             (

@@ -211,6 +211,8 @@ class PhasePortrait(View):
         self.system = system
         p = run.p if run is not None and not changed else system.values(changed)
         self.plane = plane = Plane(system, x, y, mode=mode, t=t, at=at, p=p)
+        if run is not None:
+            plane.hold(run.start)
         many = self._many(starts)
         self.horizon = (
             horizon
@@ -318,7 +320,7 @@ class PhasePortrait(View):
             self.system,
             self.plane.t + self.horizon,
             t0=self.plane.t,
-            start=self.starts,
+            start={**{name: self.plane.values[name] for name in self.system.held}, **self.starts},
             **options,
             **self.plane.p._asdict(),
         )
@@ -352,6 +354,9 @@ class PhasePortrait(View):
                     )
                 )
             )
+        if self.system.held and shown:
+            held = " and ".join(self.system.held)
+            self.notes.append(f"{' and '.join(shown)} for {held} as at the start")
         if plane.chosen is not None and len(self.system.modes) > 1 and shown:
             self.notes.append(f"{' and '.join(shown)} of mode “{plane.chosen}”")
         layers: list[Layer] = []
@@ -413,7 +418,7 @@ class PhasePortrait(View):
         return tuple(map(float, self.axes.get_xlim())), tuple(map(float, self.axes.get_ylim()))  # type: ignore[return-value]
 
     def _state(self) -> tuple:
-        return self.plane.p, self._limits()
+        return self.plane.key, self._limits()
 
     def update(self, run: Run | Runs | Sequence[Run | Runs]) -> None:
         """view.update(run): another run (bold) and its parameters: the trajectories are simulated anew when parameters changed.
@@ -433,8 +438,10 @@ class PhasePortrait(View):
             raise ModelError(
                 f"this picture was made for {self.system.name!r}, update got a run of {first.system.name!r}"
             )
-        changed = tuple(p := one.p if one is not None else many.p[0]) != tuple(self.plane.p)
-        self.plane.p = p
+        before, now = self.plane.key, one if one is not None else many[0]
+        self.plane.p = now.p
+        self.plane.hold(now.start)
+        changed = self.plane.key != before
         bold = [
             part
             for part in self.layers

@@ -24,7 +24,8 @@ class Plane:
 
     mode   the mode whose flow counts; left out: at each point the one that system.mode chooses there when it is a function, else the start mode
     t      the instant, for flows that depend on it
-    at     values of all further states of a larger system (default: system.start)
+    at     values of all further states of a larger system, and of held variables, which are
+           parameters of the picture (default: system.start)
     Raises ModelError for unknown names and when no mode has both states.
     """
 
@@ -72,11 +73,22 @@ class Plane:
         #: modes whose flow is shown somewhere
         self.modes = able if self.chosen is None else [self.chosen]
         self.values = {**system.start, **(at or {})}
+        self._followed = [name for name in system.held if name not in (at or {})]
         self.p = system.values() if p is None else p
         self._templates: dict[str, tuple[list, int, int]] = {}
         self._kept: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._wide: dict[Callable, Callable] = {}
         self._tried: Counter[Callable] = Counter()  # how often it gave the same as one by one
+
+    def hold(self, values: Mapping[str, float]) -> None:
+        """plane.hold(run.start): held variables at the values of another run, but those of `at`."""
+        self.values |= {name: values[name] for name in self._followed}
+        self._templates.clear()
+
+    @property
+    def key(self) -> tuple:
+        """What a picture of this plane depends on beside its limits: parameters, held variables."""
+        return tuple(self.p), tuple(self.values[name] for name in self.system.held)
 
     def is_plane(self, mode: str) -> bool:
         """True when the mode has no states beside the two, so that its equilibria and nullclines lie in the plane."""
@@ -85,7 +97,7 @@ class Plane:
     def _template(self, mode: str) -> tuple[list, int, int]:
         """The mode's states at their values beside the plane, and where x and y belong."""
         if mode not in self._templates:
-            names = self.system.states_of(mode)
+            names = self.system.S[mode]._fields
             if missing := [
                 name for name in names if name not in self.values and name not in (self.x, self.y)
             ]:
@@ -169,7 +181,7 @@ class Plane:
 
     def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """As flow, on a grid of count × count points; kept for the layers that ask again."""
-        key = (mode, limits, count, tuple(self.p), self.t)
+        key = (mode, limits, count, self.key, self.t)
         if key not in self._kept:
             if len(self._kept) > 12:
                 self._kept.clear()

@@ -102,7 +102,7 @@ class Planes(View):
         self.update(run)
 
     def update(self, run: Run) -> None:
-        A, b = affine(run.system, run.p)
+        A, b = affine(run.system, run.p, run.start)
         Lambda, (S, inverse) = self.parts(run.p)
         if (
             np.abs(S @ Lambda @ inverse - A).max()
