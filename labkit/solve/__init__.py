@@ -26,11 +26,10 @@ from ..runs import Runs
 from . import core
 from .backend import core_is_kept, load_core
 from .batch import Batch, samples
-from .functions import check_functions
 from .methods import FIXED_STEP, METHODS
 from .options import count
 from .pool import Pool, pool_of, together
-from .starts import Refused, check_at, clocks, mapping, start_of, starts_of
+from .starts import Refused, clocks, mapping, start_of, starts_of, try_functions
 
 __all__ = ["FIXED_STEP", "METHODS", "simulate", "simulate_many", "warm"]
 
@@ -44,7 +43,7 @@ def simulate(
     mode: str | None = None,
     method: str = "DOP853",
     rtol: float = 1e-8,
-    atol: float | Mapping[str, float] | None = None,
+    atol: float | None | Mapping[str, float] = None,
     step: float | None = None,
     max_step: float | None = None,
     points: int | np.ndarray = 500,
@@ -61,9 +60,10 @@ def simulate(
     method        "Euler", "Heun", "RK4" (with a fixed `step`, default a thousandth of the time),
                   "RK45" (Dormand–Prince 5(4)), "DOP853", or SciPy's "LSODA", "Radau", "BDF" for
                   stiff systems
-    rtol, atol    the error of a step is kept below atol + rtol·|state|. atol is a number, or
-                  state name -> number in its unit; left out, also for states that are not named,
-                  it follows from the state's own size
+    rtol, atol    the error of a step is kept below atol + rtol·|state|. atol is a number in the
+                  unit of the states, or state name -> number; None (also for states that are not
+                  named): a hundredth of rtol times the largest size that the state has had, so
+                  that no unit matters
     max_step      bounds the step
     points        number of equidistant samples, or an array of times; every event adds one before
                   and one after
@@ -90,9 +90,7 @@ def simulate(
     clock, refused = clocks(st, lanes)
     if refused:
         raise refused[0]
-    batch = pool.take(
-        pool.code(1, lambda: check_functions(system, p, st.options.t0, values, name)), 1
-    )
+    batch = pool.take(pool.code(1, lambda: try_functions(st, state[0], first, p)), 1)
     batch.load(lanes, state, np.array([first]), clock)
     batch.run()
     ended, stopped = batch.endings[0]
@@ -141,7 +139,7 @@ def simulate_many(
     mode: str | None = None,
     method: str = "DOP853",
     rtol: float = 1e-6,
-    atol: float | Mapping[str, float] | None = None,
+    atol: float | None | Mapping[str, float] = None,
     step: float | None = None,
     max_step: float | None = None,
     points: int | np.ndarray = 300,
@@ -156,7 +154,7 @@ def simulate_many(
 
     start, parameters   numbers, or one-dimensional arrays of one common length
     workers             threads that compiled runs are shared out over; left out: one a processor
-    the others          as in `simulate`, but with a coarser rtol, fewer points and fewer
+    the others          as in `simulate`, but with coarser rtol, atol and points, and fewer
                         max_events; a single `simulate` with these gives the same numbers
 
     A start that does not fit is that run's reason (Ended.REFUSED, and the sentence); its only
@@ -179,7 +177,8 @@ def simulate_many(
         for lane in range(len(p)):
             if lane not in refused:
                 try:
-                    return check_at(st, states[lane], modes[lane], system.P(*p[lane].tolist()))
+                    try_functions(st, states[lane], modes[lane], system.P(*p[lane].tolist()))
+                    return
                 except ModelError as error:
                     refused[lane] = error
 

@@ -1,7 +1,7 @@
 """A batch of runs of one model: their memory, what they begin with, and what becomes of them.
 
 batch = Batch(settings, code, lanes); batch.load(p, start, modes, clocks); batch.run()
-batch.samples(), batch.endings, batch.events, …     the results, copied out of the memory
+samples(batch.out), batch.endings, batch.ledger(), …     the results
 """
 
 from __future__ import annotations
@@ -134,14 +134,16 @@ class Batch:
 
     def _notes(self, lane: int) -> list[str]:
         """Of the lane that has just ended: sentences about what was done but should be known."""
-        places, notes = self.w.i[core.JUMPS], []
-        if places and self.w.done[lane][core.STATUS] != core.HIDDEN_JUMP:
-            more = f" and at {places - 1} more places" if places > 1 else ""
-            notes.append(
-                f"the flow seems to jump near t = {self.w.f[core.JUMP_T]:.6g}{more}: there the "
-                "steps became a thousand times shorter; make the jump an event"
-            )
-        return notes
+        w = self.w
+        places = w.i[core.JUMPS]
+        if not places or w.done[lane][core.STATUS] == core.HIDDEN_JUMP:  # then its ending says it
+            return []
+        return [
+            f"the flow seems to jump near t = {w.f[core.JUMP_T]:.6g}"
+            + (f" and at {places - 1} more places" if places > 1 else "")
+            + ": steps were refused there again and again. Make the jump an event (a Transition "
+            "with a guard, or at=), then nothing of it is missed"
+        ]
 
     def _refused(self, lane: int) -> str:
         mode = int(self.w.mode0[lane])
@@ -215,8 +217,9 @@ _FINISHED = (Ended.FINISHED, str(Ended.FINISHED))
 
 def samples(out: np.ndarray) -> Samples:
     """samples(rows) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples."""
-    mode, j, other = out[:, 1:4].astype(int).T
-    return Samples(out[:, 0].copy(), mode, j, out[:, 5:], other, out[:, 4])
+    t, modes, j, other, part = out[:, :5].T
+    sliding = other.astype(int), part.copy()
+    return Samples(t.copy(), modes.astype(int), j.astype(int), out[:, 5:], *sliding)
 
 
 class _Rows:

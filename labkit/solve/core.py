@@ -152,7 +152,7 @@ def advance(model, w, p, budget):
         least = 8.0 * EPS * abs(t)
         if i[ADAPTIVE] < 2:
             know_flow(model, w, p)
-            if i[ADAPTIVE] == 1 and w.felt[mode] == 0:
+            if i[ADAPTIVE] == 1 and i[OWN_SIZE] == 1 and w.felt[mode] == 0:
                 feel(model, w, p, mode, n, t)
         limit = min(due, f[T_END])
         h = min(f[H], f[MAX_STEP])

@@ -50,13 +50,13 @@ ENDINGS = {
     core.GUARD_NAN: (Ended.NOT_A_NUMBER, 'not a number: the guard of "{name}" at t = {t:.6g}'),
     core.STIFF: (
         Ended.STIFF,
-        "too many steps: {steps} by t = {t:.6g}: stiff: {method}, an explicit method, spends them "
-        "on stability (try method='Radau')",
+        "too many steps: {steps} by t = {t:.6g}, for the flow of mode {mode!r} is stiff: the steps "
+        "of {method} are as short as its stability asks, not its accuracy (try method='Radau')",
     ),
     core.HIDDEN_JUMP: (
         Ended.JUMP,
-        "too many steps: {steps} by t = {t:.6g}: the flow of mode {mode!r} jumps near "
-        "t = {jump:.6g}; make the jump an event",
+        "too many steps: {steps} by t = {t:.6g}, for the flow of mode {mode!r} jumps near "
+        "t = {jump:.6g}: make the jump an event (a Transition with a guard, or at=)",
     ),
 }
 

@@ -81,12 +81,13 @@ class Settings:
             core.ORDER: table.order,
             core.ROWS: len(table.A),
             core.WIDTH: self.width,
-            core.HELD: len(system.held),
+            core.HELD: self.length - self.width,
             core.MODES: len(modes),
             core.PARAMETERS: len(system.parameters),
             core.SAMPLES: len(options.grid),
             core.SCHEDULES: len(self.plans),
             core.POWERS: not table.Q.any(),
+            core.OWN_SIZE: (self.absolute < 0).any(),
         }.items():
             i0[place] = value
         for place, value in {
@@ -101,13 +102,14 @@ class Settings:
             core.UNTIL: options.t0 + 8 * core.EPS * abs(options.t0),
         }.items():
             f0[place] = value
-        names = [system.states_of(m) for m in modes]
+        states = [system.states_of(m) for m in modes]
         fixed = {
             "i0": i0,
             "f0": f0,
             "c": table.C,
             "grid": options.grid,
-            "size": [len(system.states_of(m)) for m in modes],
+            "size": [len(names) for names in states],
+            "family": [states.index(names) for names in states],
             "leave_from": np.cumsum([0, *map(len, leave)]),
             "leave": sum(leave, []),
             "source": np.array([[m in tr.sources for m in modes] for tr in trs]).reshape(
@@ -119,11 +121,10 @@ class Settings:
             "urgent": [urgent[tr.urgent] for tr in trs],
             "rank": np.argsort(order),
             "tolerance": [tr.tolerance for tr in trs],
-            "family": [names.index(system.states_of(m)) for m in modes],
-            "absolute": self.absolute,
             "plan": [system.transitions.index(tr) for tr in self.plans],
-            "shared": [sum(tr.at == other.at for other in self.plans) > 1 for tr in self.plans],
             "plan_from": np.cumsum([0, *instants]),
+            "shared": [sum(tr.at == other.at for other in self.plans) > 1 for tr in self.plans],
+            "absolute": self.absolute,
         }
         interpolant = (
             (np.zeros((self.degree, 1)),) * 2 if self.external else (table.W.T, table.Q)
@@ -138,7 +139,7 @@ class Settings:
         fixed["node"], fixed["bernstein"], fixed["test"] = proxy(self.proxy)
         self.sizes = {
             "width": self.width,
-            "held": len(system.held),
+            "held": self.length - self.width,
             "modes": len(modes),
             "transitions": len(trs),
             "guards": len(fixed["leave"]),

@@ -109,6 +109,8 @@ def begin_sliding(model, w, p, second):
         was = w.ledger[line][5 + i]
         if abs(was - w.y[i]) > within or abs(w.y_new[i] - w.y[i]) > within:
             return 0
+    if same_surface(model, w, p, n, t, before, surface, mode, place) == 0:
+        return 0
     w.i[SLIDE_A], w.i[SLIDE_B], w.i[GUARD_A], w.i[GUARD_B] = before, mode, surface, place
     w.f[PROBE] = max(1e-4 * w.f[H], 1e6 * EPS * abs(t))
     w.f[TURN] = w.side[first + 2]  # a guard without direction may have crossed downwards
@@ -135,14 +137,9 @@ def mixing(model, w, p, n, t, y):
     return a / (a - b) if a != b else 0.5
 
 
-def back_to_surface(model, w, p, n, t, y):
-    """One Newton step along the guard's gradient: rounding and the step's error would let the state drift off.
-
-    The gradient is taken in units of each state's own size: a mass in mg moves as one in kg does.
-    """
-    mode, k = w.i[SLIDE_A], w.i[GUARD_A]
-    guards(model, mode, t, y, p, w.g_probe)
-    off, square = w.g_probe[k], 0.0
+def gradient(model, w, p, n, t, y, mode, k, out):
+    """∂g/∂(yᵢ/size) of a mode's k-th guard into out, in units of each state's largest size: no unit matters. Its square."""
+    square = 0.0
     for i in range(n):
         w.y_probe[i] = y[i]
     for i in range(n):
@@ -155,10 +152,30 @@ def back_to_surface(model, w, p, n, t, y):
         w.y_probe[i] = y[i] - 1e-6 * size
         guards(model, mode, t, w.y_probe, p, w.g_probe)
         w.y_probe[i] = y[i]
-        rise = (ahead - w.g_probe[k]) / 2e-6  # ∂γ/∂(y/size)
-        w.rate_a[i] = size * rise
-        square += rise * rise
-    w.i[GUARDS] += 2 * n + 1
+        out[i] = (ahead - w.g_probe[k]) / 2e-6
+        square += out[i] * out[i]
+    w.i[GUARDS] += 2 * n
+    return square
+
+
+def same_surface(model, w, p, n, t, a, k_a, b, k_b):
+    """Do two guards vanish on one surface (1)? Their gradients are parallel. Two tanks that run dry in turn have two."""
+    one = gradient(model, w, p, n, t, w.y, a, k_a, w.rate_a)
+    two = gradient(model, w, p, n, t, w.y, b, k_b, w.rate_b)
+    both = 0.0
+    for i in range(n):
+        both += w.rate_a[i] * w.rate_b[i]
+    return 1 if both * both >= 0.999999 * one * two else 0
+
+
+def back_to_surface(model, w, p, n, t, y):
+    """One Newton step along the guard's gradient: rounding and the step's error would let the state drift off."""
+    mode, k = w.i[SLIDE_A], w.i[GUARD_A]
+    square = gradient(model, w, p, n, t, y, mode, k, w.rate_a)
+    guards(model, mode, t, y, p, w.g_probe)
+    w.i[GUARDS] += 1
+    off = w.g_probe[k]
     if square > 0.0:
         for i in range(n):
-            y[i] -= off * w.rate_a[i] / square
+            size = max(w.most[i], abs(y[i]))
+            y[i] -= off * w.rate_a[i] / square * (size if size > 0.0 else 1.0)

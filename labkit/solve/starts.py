@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..model import Every, ModelError, System, listed, number
+from . import core
 from .functions import check_functions
 from .settings import Settings
 
-__all__ = ["Refused", "check_at", "check_start", "clocks", "mapping", "start_of", "starts_of"]
+__all__ = ["Refused", "check_start", "clocks", "mapping", "start_of", "starts_of", "try_functions"]
 
 Refused = dict[int, ModelError]  # lane -> why it cannot begin
 
@@ -94,31 +95,33 @@ def starts_of(
     return begin, modes, refused
 
 
-def check_at(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> tuple:
-    """check_at(settings, state (length,), mode by place, p) -> s, where the functions were tried.
+def try_functions(
+    settings: Settings, state: np.ndarray, mode: int, p: tuple
+) -> tuple[str, tuple[float, ...]]:
+    """try_functions(settings, state (length,), mode by place, p) -> the mode's name, the start s.
 
-    Raises ModelError when one of them does not fit the model or has no value there.
+    Raises ModelError where a function of the model does not do there.
     """
     system, name = settings.system, settings.modes[mode]
     start = tuple(float(state[place]) for place in system.places(name).values())
     check_functions(system, p, settings.options.t0, start, name)
-    return system.S[name](*start)
+    return name, system.S[name](*start)
 
 
 def check_start(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> None:
-    """check_start(settings, state (length,), mode by place, p): why a start does not do, in words.
+    """check_start(settings, state (length,), mode by place, p): why a start is refused, in words.
 
-    As `check_at`; and a guard that is passed already is refused.
+    The model's functions are tried there; else a guard is passed already.
     """
-    system, t0, name = settings.system, settings.options.t0, settings.modes[mode]
-    s = check_at(settings, state, mode, p)
+    system, t0 = settings.system, settings.options.t0
+    name, s = try_functions(settings, state, mode, p)
     for i in system.leaving[name]:
         tr = system.transitions[i]
         if tr.guard is None or tr.direction == 0 or tr.urgent is not None:
             continue
         value = float(tr.guard(t0, s, p))
         beyond = tr.direction * value - tr.tolerance
-        if beyond > 0:
+        if beyond > 0:  # the core has found that it is more than rounding
             elsewhere = "" if tr.target in (None, name) else f" (mode={tr.target!r}?)"
             raise ModelError(
                 f"the start does not fit mode {name!r}: the guard of {tr.name!r} is already "
@@ -131,10 +134,13 @@ def check_start(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> N
 def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Refused]:
     """clocks(settings, p (lanes, parameters)) -> fields of the workspace, refused lanes.
 
-    Dead times, and when the schedules strike: t0 + first + m·period for m = 0 or 1, 2, …; or a list
-    of instants. Arrays are (lanes, columns).
+    Dead times, and when the schedules strike: first + m·period on the clock for m = 0 (or 1), 2, …;
+    or a list of instants. What strikes at t0 belongs to the run that ended there, so that a run cut
+    in two is the whole run; a run from t = 0 has none before it. Arrays are (lanes, columns).
     """
     system, lanes, refused = settings.system, len(p), Refused()
+    t0 = settings.options.t0
+    over = t0 + 8 * core.EPS * abs(t0) if t0 != 0.0 else -5e-324  # what strikes up to here is over
     plans, plan_from = settings.plans, settings.fixed["plan_from"]
     if not plans and all(tr.delay == 0 for tr in system.transitions):
         return {}, refused
@@ -186,14 +192,18 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
                 lambda v: v >= 0,
                 "it must not be negative",
             )
-            made["plan_next0"][:, k] = tr.at.first is None
+            period, first = made["plan_period"][:, k], made["plan_first"][:, k]
+            with np.errstate(divide="ignore", invalid="ignore"):  # refused lanes
+                before = np.nan_to_num(np.floor((over - first) / period) + 1.0, posinf=0, neginf=0)
+            at_least = float(tr.at.first is None)
+            made["plan_next0"][:, k] = np.maximum(before if over > 0.0 else 0.0, at_least)
         else:
             found = [
                 resolve(x, f"an instant of {tr.name!r}", np.isfinite, "") for x in tr.at.instants
             ]
             found = np.sort(found, axis=0)
             made["instant"][:, plan_from[k] : plan_from[k + 1]] = found.T
-            made["plan_next0"][:, k] = (found < settings.options.t0).sum(axis=0)
+            made["plan_next0"][:, k] = (found <= over).sum(axis=0)
     return made, refused
 
 
