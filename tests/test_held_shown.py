@@ -1,4 +1,7 @@
-"""Held variables in everything that shows a model or a run: columns, files, equations, tables, pictures, sliders."""
+"""Held variables in everything that shows a model or a run.
+
+Columns, files, equations, tables, pictures, sliders.
+"""
 
 import csv
 
@@ -30,7 +33,10 @@ BOTH = ("plain", "compiled")
 
 
 def tank():
-    """x' = v, v' = u − x − c v; the pump's level u goes from 1 to 3 at t = 2, and counts its switchings."""
+    """x' = v, v' = u − x − c v.
+
+    The pump's level u goes from 1 to 3 at t = 2, and counts its switchings.
+    """
     return System(
         "tank",
         {"x": ("m", "level"), "v": "m/s"},
@@ -79,7 +85,9 @@ def test_the_flow_reads_them(backend):
     t = np.linspace(0, 4, 21)
     x, v = 2 * (1 - np.cos(2)), 2 * np.sin(2)
     later = 3 + (x - 3) * np.cos(t - 2) + v * np.sin(t - 2)
-    np.testing.assert_allclose(run.at(t)["x"], np.where(t < 2, 2 * (1 - np.cos(t)), later), atol=1e-8)
+    np.testing.assert_allclose(
+        run.at(t)["x"], np.where(t < 2, 2 * (1 - np.cos(t)), later), atol=1e-8
+    )
     assert run.again(start={"x": 1.0}).start == {"x": 1.0, "v": 0.0, "u": 2.0, "count": 0.0}
 
 
@@ -96,13 +104,17 @@ def test_lanes_have_their_own(backend):
 def test_equations_tell_what_changes():
     made = equations(tank())
     text = made._repr_markdown_()
-    assert text.startswith("**tank**: states $x$ level [m], $v$ [m/s]; held, changed by events only: ")
+    assert text.startswith(
+        "**tank**: states $x$ level [m], $v$ [m/s]; held, changed by events only: "
+    )
     assert "$u$ what the pump holds [m], $count$" in text.replace(r"\mathrm{count}", "count")
     assert r"\dot{x}" in text and r"\dot{u}" not in text
     line = next(line for line in text.splitlines() if line.startswith("- **pump**"))
     assert "$u^{+} = 3$" in line and "x^{+}" not in line and "count" in line
     assert {name: str(e) for name, e in made.resets[0].items()} == {"u": "3", "count": "count + 1"}
-    assert "u = 1" in text.splitlines()[-1] and "then {u: 3, count: count + 1}" in repr(made).replace("'", "")
+    assert "u = 1" in text.splitlines()[-1] and "then {u: 3, count: count + 1}" in repr(
+        made
+    ).replace("'", "")
 
 
 def test_a_part_that_is_no_formula_is_shown_as_code():
@@ -110,7 +122,15 @@ def test_a_part_that_is_no_formula_is_shown_as_code():
         return float(str(s.u))
 
     tr = Transition("run", "run", at=At(1.0), reset={"u": odd})
-    system = System("odd", {"x": ""}, {}, [Mode("run", lambda t, s, p: (1.0,))], tr, {"x": 0.0}, held={"u": ("", 1.0)})
+    system = System(
+        "odd",
+        {"x": ""},
+        {},
+        [Mode("run", lambda t, s, p: (1.0,))],
+        tr,
+        {"x": 0.0},
+        held={"u": ("", 1.0)},
+    )
     assert "then the state is changed by" in equations(system)._repr_markdown_()
 
 
@@ -120,7 +140,11 @@ def test_tables_and_matrices():
     assert rows[1][2:] == ("what the pump holds", "1", "m", "changed by events")
     np.testing.assert_allclose(jacobian(tank()).at({"u": 2.0}), [[0, 1], [-1, -0.5]])
     A, b = affine(tank(), at={"u": 2.0, "count": 0})
-    assert A.tolist() == [[0, 1], [-1, -0.5]] and b.tolist() == [0, 2] and affine(tank())[1].tolist() == [0, 1]
+    assert (
+        A.tolist() == [[0, 1], [-1, -0.5]]
+        and b.tolist() == [0, 2]
+        and affine(tank())[1].tolist() == [0, 1]
+    )
     assert true_error(simulate(tank(), 1.9, start={"u": 2.0})).max() < 1e-6
 
 
@@ -133,8 +157,14 @@ def test_pictures_hold_them():
     assert view.notes == ["arrows and lines for u and count as at the start"]
     view.update(run.again(start={"u": 0.5}))  # a parameter of the picture
     assert [round(found[0], 6) for found in view.equilibria] == [0.5]
-    many = phase_portrait(system, starts={"x": [0.0, 1.0], "v": [0.0, 0.0]}, run=run.again(start={"u": 2.0}))
-    thin = next(layer.runs for layer in many.layers if hasattr(layer, "runs") and not hasattr(layer.runs, "j"))
+    many = phase_portrait(
+        system, starts={"x": [0.0, 1.0], "v": [0.0, 0.0]}, run=run.again(start={"u": 2.0})
+    )
+    thin = next(
+        layer.runs
+        for layer in many.layers
+        if hasattr(layer, "runs") and not hasattr(layer.runs, "j")
+    )
     assert thin["u"][:, 0].tolist() == [2.0, 2.0]
     plane = Plane(system, at={"u": 4.0})
     assert plane.flow("run", np.array(1.0), np.array(0.0))[1] == 3.0
@@ -142,7 +172,8 @@ def test_pictures_hold_them():
     assert plane.flow("run", np.array(1.0), np.array(0.0))[1] == 3.0
     picture = time_plot(run, "u")
     line = picture._curves[0][0][0].line
-    assert set(line.get_ydata()[np.isfinite(line.get_ydata())]) == {1.0, 3.0}  # nothing between: steps
+    # Nothing between: steps
+    assert set(line.get_ydata()[np.isfinite(line.get_ydata())]) == {1.0, 3.0}
     assert len(time_plot(run).axes) == 4
     mode_diagram(system)
 
@@ -150,8 +181,14 @@ def test_pictures_hold_them():
 def test_a_panel_moves_them():
     panel = explore(tank(), 4.0)
     slider = next(control for control in panel.controls if control.key == "start.u")
-    assert slider.value == 1.0 and slider.low <= 0 < 3 <= slider.high and slider.meaning == "what the pump holds"
+    assert (
+        slider.value == 1.0
+        and slider.low <= 0 < 3 <= slider.high
+        and slider.meaning == "what the pump holds"
+    )
     panel._show(panel.defaults | {"start.u": 2.0})
     assert panel.run.start["u"] == 2.0 and panel.run.final["u"] == 3.0
-    assert "start.count" not in {c.key for c in explore(tank(), 4.0, sliders={"count": False}).controls}
+    assert "start.count" not in {
+        c.key for c in explore(tank(), 4.0, sliders={"count": False}).controls
+    }
     panel.check()
