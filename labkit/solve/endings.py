@@ -91,8 +91,8 @@ def _why_no_step(settings: Settings, w: core.Workspace) -> tuple[Ended, str]:
     names = settings.system.states_of(mode)
     y = [float(v) for v in list(w.y)[: len(names)]]
     # The last attempt's stages are still there: one that is no number tells more than the tiny step
-    stages = np.array([] if settings.external else list(w.k), dtype=float)
-    stages = stages.reshape(len(w.k) if len(stages) else 0, -1)[: settings.table.stages + 1]
+    kept = [] if settings.external else list(w.k)[: settings.table.stages + 1]
+    stages = np.array(kept, dtype=float).reshape(len(kept), settings.width)
     if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k : k + 1]))]:
         return (
             Ended.NOT_A_NUMBER,

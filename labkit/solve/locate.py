@@ -281,14 +281,18 @@ def note_touches(model, w, p, mode, n, t, h, until):
             falls = j == last or w.at_node[j + 1][k] < here
             if falls and rises and w.node[j] <= until and w.near[k] == 1:
                 first, end = w.node[max(j - 1, 0)], min(w.node[min(j + 1, last)], until)
-                rises = note_peak(model, w, p, mode, n, t, h, k, transition, first, end, j == last)
+                seam = j == last or end == until
+                rises = note_peak(model, w, p, mode, n, t, h, k, transition, first, end, seam)
             elif j < last and w.at_node[j + 1][k] != here:
                 rises = not falls
         w.rises[slot] = 1 if rises else 0
 
 
 def note_peak(model, w, p, mode, n, t, h, k, transition, first, end, seam):
-    """The top between two θ by golden section; a touch if it is within reach. True if, at a seam, the guard goes on rising."""
+    """The top between two θ by golden section; a touch if it is within reach. True if it goes on rising at the end.
+
+    seam: the end is that of the step, or the event: the top lies beyond it, if it is not before it.
+    """
     a, b, tolerance = first, end, w.tolerance[transition]
     for _ in range(50):
         left, right = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
