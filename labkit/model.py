@@ -635,7 +635,10 @@ class System:
         Held variables that are not named start as `held` says.
         """
         names = self.states_of(mode)
-        start = {key: each.start for key, each in self.held.items()} | _named(start, "start")
+        if not self.units.keys() >= start.keys():
+            start = _named(start, "start")
+        if self.held:
+            start = {key: each.start for key, each in self.held.items()} | dict(start)
         if unknown := [key for key in start if key not in self.units]:
             raise ModelError(
                 f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has {listed(names)}"

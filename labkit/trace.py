@@ -29,6 +29,7 @@ from sympy.core.function import AppliedUndef
 from sympy.core.parameters import distribute
 
 from .model import ModelError
+from .rebind import rebound
 
 __all__ = ["Definition", "Quantity", "Tracer", "Untraceable", "expression"]
 
@@ -366,37 +367,7 @@ class Tracer:
             return value
 
     def _copy(self, function: types.FunctionType) -> Callable:
-        if id(function) in self._copies:
-            return self._copies[id(function)][1]
-        scope: dict[str, Any] = {"__builtins__": builtins, "__name__": function.__module__}
-        copy = types.FunctionType(
-            function.__code__,
-            scope,
-            function.__name__,
-            function.__defaults__,
-            tuple(types.CellType() for _ in function.__closure__ or ()),
-        )
-        copy.__kwdefaults__ = function.__kwdefaults__
-        self._copies[id(function)] = (
-            function,
-            copy,
-        )  # before its names are rebound: a function may call itself
-        for name in _names(function.__code__):
-            if name in function.__globals__:
-                scope[name] = self.rebind(function.__globals__[name], name)
-            elif hasattr(builtins, name):
-                scope[name] = self.rebind(getattr(builtins, name), name)
-        for new, old, name in zip(
-            copy.__closure__ or (),
-            function.__closure__ or (),
-            function.__code__.co_freevars,
-            strict=True,
-        ):
-            try:
-                new.cell_contents = self.rebind(old.cell_contents, name)
-            except ValueError:  # a cell that is still empty
-                pass
-        return copy
+        return rebound(function, self.rebind, self._copies)
 
     def _helper(self, function: types.FunctionType, name: str) -> Callable:
         """A helper is traced with formal arguments; one with cases becomes a definition, any other is put in place."""
@@ -466,13 +437,6 @@ class Tracer:
         made = sp.Function(key, real=True)
         self.definitions[key] = Definition(label, made, tuple(shown), tuple(formals), result)
         return Quantity(made(*actual))
-
-
-def _names(code: types.CodeType) -> set[str]:
-    """All global names of a function and of the functions defined in it."""
-    return set(code.co_names).union(
-        *(_names(c) for c in code.co_consts if isinstance(c, types.CodeType))
-    )
 
 
 def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:

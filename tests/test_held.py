@@ -6,7 +6,9 @@ import pytest
 
 from labkit.model import Mode, ModelError, Output, System, Transition
 from labkit.solve import backend
-from labkit.solve.functions import RESET, Plain, check_functions, orientations
+from labkit.solve.check import check_functions
+from labkit.solve.plain import Plain, orientations
+from labkit.solve.source import RESET
 
 
 def circuit(**changed):

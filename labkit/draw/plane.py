@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
-from types import BuiltinFunctionType, CellType, CodeType, FunctionType, SimpleNamespace
+from types import BuiltinFunctionType, FunctionType, SimpleNamespace
 
 import numpy as np
 from contourpy import contour_generator
 
 from ..linear import classify
 from ..model import ModelError, System, Transition, listed
+from ..rebind import rebound
 
 __all__ = ["Plane", "contour", "find_equilibria"]
 
@@ -286,47 +287,23 @@ _NUMPY = {
 }
 
 
-def over_arrays(function: Callable, depth: int = 4) -> Callable:
+def over_arrays(function: Callable) -> Callable:
     """over_arrays(f) -> f with NumPy's functions in the place of those of `math`.
 
     In its helpers too: a hundred times as fast over a grid.
     Whether it gives the same as f itself is for the caller to try: a branch, for one, does not work
     on arrays.
     """
-    if not isinstance(function, FunctionType) or not depth:
-        return function
+    copies: dict = {}
 
-    def swapped(value: object) -> object:
+    def swap(value: object, name: str) -> object:
         if value is math:
-            return SimpleNamespace(**_NUMPY)
+            return SimpleNamespace(**{**vars(math), **_NUMPY})
         if isinstance(value, BuiltinFunctionType) and value.__module__ == "math":
             return _NUMPY.get(value.__name__, value)
-        return over_arrays(value, depth - 1) if isinstance(value, FunctionType) else value
+        return rebound(value, swap, copies) if isinstance(value, FunctionType) else value
 
-    names = {
-        name: swapped(value)
-        for name, value in function.__globals__.items()
-        if name in _names_in(function.__code__)
-    }
-    try:
-        cells = tuple(CellType(swapped(cell.cell_contents)) for cell in function.__closure__ or ())
-    except ValueError:  # a cell that is still empty
-        return function
-    made = FunctionType(
-        function.__code__,
-        {**function.__globals__, **names},
-        function.__name__,
-        function.__defaults__,
-        cells,
-    )
-    made.__kwdefaults__ = function.__kwdefaults__
-    return made
-
-
-def _names_in(code: CodeType) -> set[str]:
-    return set(code.co_names).union(
-        *(_names_in(part) for part in code.co_consts if isinstance(part, CodeType))
-    )
+    return swap(function, "")
 
 
 def grid(limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -13,77 +13,51 @@ from __future__ import annotations
 import atexit
 import ctypes
 import hashlib
+import itertools
 import os
-import pickle
+import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import types
 import warnings
-from collections import namedtuple
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable
 from functools import cache
-from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ..model import ModelError, System
-from ..run import write_whole
+from . import cache as kept
 from . import core
-from .functions import FLOW, GUARDS, RESET, common_source, fingerprint, references
+from .checked import intrinsics
+from .kinds import Unfit
+from .reads import Reads
+from .source import FAILED, FLOW, GUARDS, RESET, Program
 
 try:
-    import llvmlite.binding as llvm  # light; Numba itself is imported when something is to be loaded or compiled
+    import llvmlite
+    import llvmlite.binding as llvm  # light; Numba itself is imported when something is to be compiled
 except ImportError:  # a browser, a locked-down laptop: the plain back end is all there is
     llvm = None
-
-
-def cache_folder() -> Path:
-    """cache_folder() -> where compiled code is kept: $LABKIT_CACHE, or the user's cache folder, or a temporary one."""
-    if os.environ.get("LABKIT_CACHE"):
-        folder = Path(os.environ["LABKIT_CACHE"])
-    elif sys.platform == "win32":
-        folder = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "labkit"
-    elif sys.platform == "darwin":
-        folder = Path.home() / "Library" / "Caches" / "labkit"
-    else:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "labkit"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    folder = (
-        Path(tempfile.gettempdir())
-        / f"labkit-{os.getuid() if hasattr(os, 'getuid') else os.environ.get('USERNAME', '')}"
-    )
-    folder.mkdir(mode=0o700, exist_ok=True)
-    return folder
 
 
 @cache
 def _machine() -> str:
     """What compiled code depends on besides its source."""
-    versions = [version(package) for package in ("numba", "llvmlite", "numpy")]
-    return repr(
-        (
-            sys.version,
-            versions,
-            llvm.get_host_cpu_name(),
-            sorted(llvm.get_host_cpu_features().items()),
-        )
-    )
+    spec = find_spec("numba")  # not imported: its version stands in a small file
+    home = Path(spec.origin).parent if spec and spec.origin else Path()
+    own = (home / "_version.py").read_text(encoding="utf8") if spec else ""
+    versions = sys.version, own, llvmlite.__version__, np.__version__
+    return repr((versions, llvm.get_host_cpu_name(), sorted(llvm.get_host_cpu_features().items())))
 
 
-def _kept(text: str) -> Path:
-    """The file in which the code made from `text` is kept."""
-    return cache_folder() / f"{hashlib.sha256((_machine() + text).encode()).hexdigest()[:40]}.bin"
+def _kept(text: str) -> str:
+    """The name of the file in which the code made from `text` is kept."""
+    return f"{hashlib.sha256((_machine() + text).encode()).hexdigest()[:40]}.bin"
 
 
 _imported = threading.Event()
@@ -92,9 +66,10 @@ _imported = threading.Event()
 def _import() -> None:
     """Import all that compiling takes, while `compiled` keeps the cell from going on.
 
-    Beside a running cell this can fail, and the model would stay plain: of 264 first runs of a notebook on a busy machine one did
-    ("dictionary changed size during iteration"). Numba also parses signatures on its way, and two threads that parse at once are an error
-    in Python up to 3.12 (gh-106905). In the cell's own thread an interrupt would leave it half imported.
+    Beside a running cell this can fail, and the model would stay plain: of 264 first runs of a notebook on a busy machine
+    one did ("dictionary changed size during iteration"). Numba also parses signatures on its way, and two threads that
+    parse at once are an error in Python up to 3.12 (gh-106905). In the cell's own thread an interrupt would leave it half
+    imported.
     """
     from numba.core.registry import cpu_target
 
@@ -102,38 +77,123 @@ def _import() -> None:
     _imported.set()
 
 
-def _c_function(text: str, make: Callable[[], tuple[Callable, object]]) -> tuple[object, int]:
-    """(what to keep alive, address) of a C function: the one kept under `text`, or a new one from make() -> (function, signature)."""
-    from numba.core.ccallback import CFunc
-    from numba.core.compiler import CompileResult
+Native = tuple[object, int]  # what to keep alive, and the address of a C function
+ENTRY = "labkit_entry"
+
+
+def _read(text: str) -> Native | None:
+    """The C function kept under `text`; None if missing, damaged, written by another version: it is only a cache."""
+    data = kept.read(_kept(text))
+    return _load(data) if data else None
+
+
+def _made(text: str, data: bytes) -> Native:
+    """The C function in what _compile made, which is kept under `text`."""
+    kept.write(_kept(text), data)
+    found = _load(data)
+    if found is None:
+        raise RuntimeError("the compiled code cannot be loaded")
+    return found
+
+
+def _packed(machine_code: bytes, bitcode: bytes) -> bytes:
+    body = struct.pack("<Q", len(machine_code)) + machine_code + bitcode
+    return hashlib.sha256(body).digest() + body
+
+
+def _load(data: bytes) -> Native | None:
+    """Machine code made ready: by LLVM alone; by Numba where it calls what only Numba brings along (arrays made inside)."""
+    digest, body = data[:32], data[32:]
+    if len(body) < 8 or hashlib.sha256(body).digest() != digest:
+        return None
+    (size,) = struct.unpack("<Q", body[:8])
+    machine_code, bitcode = body[8 : 8 + size], body[8 + size :]
+    try:
+        name = f"labkit_{next(_numbers)}"
+        builder = llvm.JITLibraryBuilder().add_object_img(machine_code).add_current_process()
+        library = builder.export_symbol(ENTRY).link(_linker(), name)
+        return library, library[ENTRY]
+    except (RuntimeError, AttributeError, OSError):
+        pass
+    try:
+        return _load_by_numba(machine_code, bitcode)
+    except Exception:  # made by another version, after all
+        return None
+
+
+_numbers = itertools.count()
+
+
+@cache
+def _linker() -> object:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.create_lljit_compiler(suppress_errors=True)
+
+
+def _load_by_numba(machine_code: bytes, bitcode: bytes) -> Native:
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.registry import cpu_target
-    from numba.core.serialize import dumps
 
-    path, context = _kept(text), cpu_target.target_context
+    _import()
     with global_compiler_lock:
-        try:
-            data = path.read_bytes()
-            if (
-                b"NRT_" in data or b"_numba_hashsecret" in data
-            ):  # arrays or texts are made inside: the code calls what the rest of Numba brings along,
-                context.refresh()  # which takes half a second
-            result = CompileResult._rebuild(context, *pickle.loads(data))
-        except Exception:  # missing, damaged, written by another version: it is only a cache
-            _import()
-            function, signature = make()
-            result = CFunc(
-                function, (signature.args, signature.return_type), {}, {"error_model": "numpy"}
-            )._compile_uncached()
-            with suppress(OSError):
-                write_whole(path, dumps(result._reduce()))
-        return result, result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+        codegen = cpu_target.target_context.codegen()
+        library = codegen.unserialize_library((ENTRY, "object", (machine_code, bitcode)))
+        return library, library.get_pointer_to_function(ENTRY)
 
 
-def _jit(function: Callable) -> Callable:
+def _jit(function: Callable, **options: object) -> Callable:
     from numba import njit
 
-    return njit(error_model="numpy")(function)
+    usual = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return njit(**{**usual, **options})(function)
+
+
+def _compile(function: Callable, arguments: tuple, returns: object) -> bytes:
+    """A function under @njit as a C function without any Python in it.
+
+    One that fails (an exception) is called again, with FAILED added to its first argument.
+    """
+    from llvmlite import ir
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.registry import cpu_target
+
+    with global_compiler_lock:
+        function.compile(arguments)
+        result = function.overloads[arguments]
+        context = cpu_target.target_context
+        library, module = context.codegen().create_library(ENTRY), context.create_module(ENTRY)
+        library.enable_object_caching()
+        kinds = [context.get_value_type(kind) for kind in arguments]
+        back = (
+            context.get_value_type(returns) if result.signature.return_type != _nothing() else None
+        )
+        inner = context.call_conv.get_function_type(returns, arguments)
+        callee = ir.Function(module, inner, result.fndesc.llvm_func_name)
+        kind = ir.FunctionType(back or ir.VoidType(), kinds)
+        entry = ir.Function(module, kind, ENTRY)
+        builder = ir.IRBuilder(entry.append_basic_block())
+        call = context.call_conv.call_function
+        status, value = call(builder, callee, returns, arguments, entry.args)
+        if back is None:
+            with builder.if_then(status.is_error, likely=False):
+                what = builder.add(entry.args[0], ir.Constant(kinds[0], FAILED))
+                call(builder, callee, returns, arguments, [what, *entry.args[1:]])
+            builder.ret_void()
+        else:
+            builder.ret(value)
+        library.add_ir_module(module)
+        library.add_linking_library(result.library)
+        library.finalize()
+        library.get_pointer_to_function(ENTRY)  # now it is machine code
+        _, _, (machine_code, bitcode) = library.serialize_using_object_code()
+    return _packed(machine_code, bitcode)
+
+
+def _nothing() -> object:
+    from numba import types as nb
+
+    return nb.none
 
 
 # ---------------------------------------------------------------- the core
@@ -151,10 +211,11 @@ CORE = "\n".join(
     for line in _source(name).splitlines()
     if not line.startswith("from .")
 )
-HOW = _source("functions") + _source("backend")
+#: What compiled code depends on besides: how it is made.
+HOW = "\n".join(map(_source, ("backend", "source", "translate", "checked", "kinds")))
 
 
-def _make_core() -> tuple[Callable, object]:
+def _make_core() -> bytes:
     """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
     import operator
 
@@ -312,7 +373,7 @@ def entry(table): return sweep(table[0], as_workspace(table), table[1], table[2]
             "entry",
         ):
             space[name] = _jit(value)
-    return space["entry"], nb.intp(nb.CPointer(nb.int64))
+    return _compile(_jit(space["entry"]), (nb.CPointer(nb.int64),), nb.intp)
 
 
 def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace) -> np.ndarray:
@@ -327,73 +388,18 @@ def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace) -> np.n
 # ---------------------------------------------------------------- a model
 
 
-def _native(value: object, made: dict[int, object]) -> object:
-    """A value that a model function reads, as Numba takes it: helpers compiled too, lists as tuples."""
-    if isinstance(value, types.FunctionType):
-        if id(value) not in made:
-            read = {name: _native(item, made) for name, item in references(value).items()}
-            cells = tuple(types.CellType(read[name]) for name in value.__code__.co_freevars)
-            copy = types.FunctionType(
-                value.__code__,
-                {"__name__": __name__, "__builtins__": __builtins__, **read},
-                value.__name__,
-                value.__defaults__,
-                cells,
-            )
-            made[id(value)] = _jit(copy)
-        return made[id(value)]
-    if isinstance(value, list):
-        return tuple(value)
-    if isinstance(value, tuple) and len(value) == 2 and value[0] in ("S", "P"):
-        return namedtuple(*value)
-    return value
-
-
-def _make_model(name: str, source: str, values: dict[str, object]) -> tuple[Callable, object]:
-    """The common function of a model, as functions.common_source gives it, ready for Numba."""
+def _make_model(program: Program) -> bytes:
+    """The common function of a model, compiled."""
     from numba import types as nb
 
-    made: dict[int, object] = {}
-    space = {"__name__": __name__} | {name: _native(value, made) for name, value in values.items()}
-    exec(compile(source, f"<{name}>", "exec"), space)
-    for name, value in values.items():
-        if value is None:
-            space[name] = _jit(space[name])
-    pointer = nb.CPointer(nb.float64)
-    return space["model"], nb.void(nb.int64, nb.int64, nb.float64, pointer, pointer, pointer)
-
-
-def model_functions(system: System) -> list[Callable]:
-    """The functions that are called while a system runs."""
-    found = [mode.flow for mode in system.modes.values()]
-    for tr in system.transitions:
-        parts = tr.reset.values() if isinstance(tr.reset, Mapping) else [tr.reset]
-        found += [f for f in (tr.guard, *parts) if callable(f)]
-    return found
-
-
-def model_text(system: System) -> str:
-    """Everything the compiled model depends on, and so its key."""
-    shape = (
-        tuple(system.parameters),
-        [(m, system.states_of(m)) for m in system.modes],
-        tuple(system.held),
-    )
-    edges = [
-        (
-            tr.sources,
-            tr.target,
-            tr.direction,
-            tr.tolerance,
-            tr.guard is None,
-            {name: None if callable(part) else part for name, part in tr.reset.items()}
-            if isinstance(tr.reset, Mapping)
-            else tr.reset is None,
-            tr.priority,
-        )
-        for tr in system.transitions
-    ]
-    return repr((shape, edges)) + "\n".join(fingerprint(f) for f in model_functions(system)) + HOW
+    strict = {"error_model": "python", "boundscheck": True}
+    space = {"__name__": __name__} | program.values | intrinsics(program.intrinsics)
+    exec(compile(program.text, f"<{program.system.name}>", "exec"), space)
+    for name in (*program.helpers, *program.told):
+        space[name] = _jit(space[name], **strict)
+    number = nb.CPointer(nb.float64)
+    arguments = nb.int64, nb.int64, nb.float64, number, number, number
+    return _compile(_jit(space["model"], **strict), arguments, nb.none)
 
 
 # ---------------------------------------------------------------- who is ready
@@ -402,20 +408,36 @@ def model_text(system: System) -> str:
 class Code:
     """Compiled code of one system: run(address) goes on with the runs that the table of `addresses` there describes."""
 
-    def __init__(self, core_function: tuple[object, int], model_function: tuple[object, int]):
+    def __init__(self, core_function: Native, model_function: Native):
         self._alive = core_function, model_function
-        self._entry = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function[1])
+        self.run = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function[1])
         self.model = model_function[1]
 
-    def run(self, address: int) -> int:
-        return self._entry(address)
+
+class _State:
+    """What has become of a system: its source, its code once there is one, or why there is none."""
+
+    def __init__(self, system: System):
+        self.reads = Reads()
+        self.code: Code | None = None
+        self.error: Exception | None = None
+        self.key = ""
+        try:
+            # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
+            self.program = Program(system, self.reads)
+            self.key = self.program.key + HOW
+        except Unfit as error:
+            self.fail(system, error)
+
+    def fail(self, system: System, error: Exception) -> None:
+        self.error = error
+        first = (str(error).strip() or repr(error)).splitlines()[0]
+        warnings.warn(f"{system.name!r} runs in plain Python, because {first}", stacklevel=2)
 
 
 _lock = threading.RLock()
-_core: tuple[object, int] | None = None
-_codes: WeakKeyDictionary[System, tuple[str, Code | BaseException | None, list]] = (
-    WeakKeyDictionary()
-)
+_core: Native | None = None
+_states: WeakKeyDictionary[System, _State] = WeakKeyDictionary()
 _threads: list[threading.Thread] = []
 
 
@@ -425,52 +447,18 @@ def _settle() -> None:
         thread.join(timeout=3)
 
 
-def _watch(system: System) -> list[tuple[Callable[[], object], object]]:
-    """Everything the functions read from outside, to see cheaply whether it is still the same."""
-    found, seen = [], set()
-
-    def walk(function: Callable) -> None:
-        if id(function) in seen:
-            return
-        seen.add(id(function))
-        for cell, name in zip(
-            function.__closure__ or (), function.__code__.co_freevars, strict=True
-        ):
-            found.append((lambda cell=cell: cell.cell_contents, cell.cell_contents))
-        for name, value in references(function).items():
-            if name not in function.__code__.co_freevars:
-                found.append((lambda space=function.__globals__, name=name: space.get(name), value))
-            if isinstance(value, types.FunctionType):
-                walk(value)
-
-    for function in model_functions(system):
-        walk(function)
-    return found
-
-
-def _same(watch: list[tuple[Callable[[], object], object]]) -> bool:
-    for read, value in watch:
-        now = read()
-        if now is not value or isinstance(now, list | np.ndarray | dict):
-            return False
-    return True
-
-
 def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code | None:
     """compiled(system) -> Code, or None while it is being made (or cannot be).
 
-    wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at most and raises nothing.
-    What only has to be read from disk is waited for, so that the last digit of a run does not depend on how fast a thread is;
-    and Numba's imports are (a second, once), because they and a running cell can break each other: see _import.
+    wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at most and raises
+    nothing. What only has to be read from disk is there at once; Numba's imports are waited for (a second, once), because
+    they and a running cell can break each other: see _import.
     """
+    if why := _unavailable():
+        if wait:
+            raise ModelError(f"backend='compiled' {why}: use backend='auto' or 'plain'")
+        return None
     code = _compiled(system, wait)
-    if (
-        code is None
-        and any(thread.is_alive() for thread in _threads)
-        and core_is_kept()
-        and _kept(_codes[system][0]).exists()
-    ):
-        patience = 20.0
     until = time.monotonic() + patience
     while (
         code is None
@@ -482,84 +470,62 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
     return code or _compiled(system, False)  # its thread may have ended since it was last asked for
 
 
-def _compiled(system: System, wait: bool) -> Code | None:
+_SWITCHED_OFF = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+def _unavailable() -> str:
     if llvm is None:
-        if wait:
-            raise ModelError(
-                "backend='compiled' needs Numba, which is not installed here: use backend='auto' or 'plain'"
-            )
-        return None
+        return "needs Numba, which is not installed here"
+    return "is switched off by NUMBA_DISABLE_JIT" if _SWITCHED_OFF else ""
+
+
+def _compiled(system: System, wait: bool) -> Code | None:
     with _lock:
-        text, code, watch = _codes.get(system, ("", None, []))
-        if text and _same(watch):
-            if isinstance(code, Code):
-                return code
-            if code is not None and not wait:
-                return None
-        else:
-            fresh = model_text(system)
-            if fresh != text:
-                code = None
-                _codes[system] = fresh, None, _watch(system)
-                if not wait:
-                    # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
-                    arguments = system, fresh, None if _kept(fresh).exists() else _sources(system)
-                    thread = threading.Thread(
-                        target=_prepare, args=arguments, daemon=True, name="labkit compiles"
-                    )
-                    _threads[:] = [t for t in _threads if t.is_alive()] + [thread]
-                    thread.start()
-                    return None
-            elif isinstance(code, Code):
-                return code
-            text = fresh
-    if not wait:
-        return None
-    _prepare(system, text, None)
-    code = _codes[system][1]
-    if isinstance(code, Code):
-        return code
-    raise ModelError(
-        f"{system.name!r} cannot be compiled, use backend='plain' or mend it: {str(code).strip() or repr(code)}"
-    ) from code
+        state = _states.get(system)
+        if state is None or not state.reads.same():
+            fresh = _State(system)
+            if state is not None and fresh.key and fresh.key == state.key:
+                fresh.code, fresh.error = state.code, state.error
+            state = _states[system] = fresh
+            if state.code is None and state.error is None and not wait:
+                _begin(system, state)
+    if state.error is None and state.code is None and wait:
+        _prepare(system, state)
+    if state.error is not None and wait:
+        raise ModelError(
+            f"{system.name!r} cannot be compiled, use backend='plain' or mend it: "
+            f"{str(state.error).strip() or repr(state.error)}"
+        ) from state.error
+    return state.code
+
+
+def _begin(system: System, state: _State) -> None:
+    """Load what is kept; compile what is not, in a thread."""
+    if core_is_kept() and kept.has(_kept(state.key)):
+        _prepare(system, state)
+        return
+    arguments = system, state
+    thread = threading.Thread(target=_prepare, args=arguments, daemon=True, name="labkit compiles")
+    _threads[:] = [t for t in _threads if t.is_alive()] + [thread]
+    thread.start()
 
 
 _one_at_a_time = threading.Lock()
 
 
-def _sources(system: System) -> tuple[str, dict[str, object]] | Exception:
-    try:
-        return common_source(system)
-    except Exception as error:
-        return error
-
-
-def _prepare(
-    system: System, text: str, sources: tuple[str, dict[str, object]] | Exception | None
-) -> None:
+def _prepare(system: System, state: _State) -> None:
     """Get the core and the model, from disk or anew, and put them where `compiled` finds them."""
     try:
         load_core()
+        model = _read(state.key)
+        if model is None:
+            _import()
         with _one_at_a_time:
-            if isinstance(_codes.get(system, ("", None))[1], Code) and _codes[system][0] == text:
-                return
-
-            def make() -> tuple[Callable, object]:
-                found = _sources(system) if sources is None else sources
-                if isinstance(found, Exception):
-                    raise found
-                return _make_model(system.name, *found)
-
-            code: object = Code(_core, _c_function(text, make))
+            if state.code is None:
+                model = model or _made(state.key, _make_model(state.program))
+                state.code = Code(_core, model)
     except Exception as error:
-        code = error
-        warnings.warn(
-            f"{system.name!r} runs in plain Python, because it cannot be compiled: {str(error).strip().splitlines()[0] if str(error) else error!r}",
-            stacklevel=2,
-        )
-    with _lock:
-        if system in _codes and _codes[system][0] == text:
-            _codes[system] = text, code, _codes[system][2]
+        state.fail(system, error)
 
 
 def load_core(here: bool = False) -> None:
@@ -579,6 +545,7 @@ def load_core(here: bool = False) -> None:
                     stdin=subprocess.DEVNULL,
                     env={
                         **os.environ,
+                        "LABKIT_CACHE": str(kept.folder()),
                         "PYTHONPATH": os.pathsep.join(
                             [
                                 str(Path(__file__).parents[2]),
@@ -587,8 +554,8 @@ def load_core(here: bool = False) -> None:
                         ),
                     },
                 )
-            _core = _c_function(CORE + HOW, _make_core)
+            _core = _read(CORE + HOW) or _made(CORE + HOW, _make_core())
 
 
 def core_is_kept() -> bool:
-    return _kept(CORE + HOW).exists()
+    return kept.has(_kept(CORE + HOW))

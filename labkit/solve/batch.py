@@ -18,9 +18,9 @@ from ..runs import Samples
 from . import core
 from .backend import addresses
 from .endings import ending
-from .functions import Plain, orientations
 from .lanes import sweep
 from .layout import workspace
+from .plain import Plain, orientations
 from .scipy_step import SciPyStep
 from .settings import Settings
 from .starts import check_start
@@ -121,7 +121,8 @@ class Batch:
         elif status == core.FINISHED:
             self.endings.append(_FINISHED)
         else:
-            self.endings.append(ending(status, st, w))
+            p = st.system.P(*self.p[lane].tolist())
+            self.endings.append(ending(status, st, w, p))
         if count := w.i[core.LEDGER]:
             self._ledger.append(self._rows("ledger", count, copy=True))
         if count := w.i[core.TOUCHES]:

@@ -1,6 +1,6 @@
 """Why a run ended: the core's status, as a value that code can test and as a sentence.
 
-ended, stopped = ending(status, settings, w)
+ended, stopped = ending(status, settings, w, p)
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import numpy as np
 from ..model import listed
 from ..run import Ended
 from . import core
+from .check import trouble
 from .methods import FIXED_STEP
 from .settings import Settings
 
@@ -61,8 +62,13 @@ ENDINGS = {
 }
 
 
-def ending(status: int, settings: Settings, w: core.Workspace) -> tuple[Ended, str]:
-    """ending(status, settings, w) of the lane that has just ended -> (Ended, sentence)."""
+def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tuple[Ended, str]:
+    """ending(status, settings, w, p) of the lane that has just ended -> (Ended, sentence)."""
+    if status not in ENDINGS or status == core.GUARD_NAN:
+        system, mode = settings.system, settings.modes[w.i[core.MODE]]
+        state = [float(w.y[place]) for place in system.places(mode).values()]
+        if why := trouble(system, mode, float(w.f[core.T]), state, p):
+            return Ended.NOT_A_NUMBER, why
     if status not in ENDINGS:
         return _why_no_step(settings, w)
     transitions = settings.system.transitions

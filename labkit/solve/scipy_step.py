@@ -10,7 +10,7 @@ import numpy as np
 from . import core
 
 if TYPE_CHECKING:
-    from .functions import Plain
+    from .plain import Plain
     from .settings import Settings
 
 

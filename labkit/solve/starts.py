@@ -11,7 +11,7 @@ import numpy as np
 
 from ..model import Every, ModelError, System, listed, number
 from . import core
-from .functions import check_functions
+from .check import check_functions
 from .settings import Settings
 
 __all__ = ["Refused", "check_start", "clocks", "mapping", "start_of", "starts_of", "try_functions"]

@@ -1,0 +1,110 @@
+"""The functions of `math`, powers and whole numbers made of floats, compiled so that they fail where Python's do.
+
+In the common source they are called do_sqrt(x), do_power(x, y) …; `intrinsics(names)` makes them for Numba. A failure
+leaves the compiled function as an exception does; the caller's answer is then NaN. An overflow of exp is infinity.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+
+# When the result r of the arguments x (and y) is a failure
+NEVER, STRICT, LOOSE, POWER, POLE, WHOLE = range(6)
+
+#: name in the source -> (the function, number of arguments, when it fails)
+CHECKED: dict[str, tuple[object, int, int]] = {
+    **{
+        f"do_{name}": (getattr(math, name), 1, STRICT)
+        for name in (
+            "sqrt log log2 log10 log1p sin cos tan asin acos atan asinh acosh atanh tanh erf erfc "
+            "fabs degrees radians"
+        ).split()
+    },
+    **{f"do_{name}": (getattr(math, name), 1, LOOSE) for name in "exp expm1 sinh cosh".split()},
+    **{f"do_{name}": (getattr(math, name), 2, NEVER) for name in "atan2 copysign".split()},
+    "do_hypot": (math.hypot, 2, LOOSE),
+    "do_fmod": (math.fmod, 2, STRICT),
+    "do_pow": (math.pow, 2, POLE),
+    "do_power": (operator.pow, 2, POWER),
+    "do_square": (2, 1, POWER),
+    "do_cube": (3, 1, POWER),
+    "do_fourth": (4, 1, POWER),
+    **{f"do_{name}": (f"llvm.{name}", 1, WHOLE) for name in "trunc floor ceil rint".split()},
+}
+#: what may be called by that name in `math`
+OF_MATH = {what: name for name, (what, _, _) in CHECKED.items() if type(what) is type(math.sin)}
+OF_MATH.pop(operator.pow, None)
+
+
+def intrinsics(names: set[str]) -> dict[str, object]:
+    """intrinsics({"do_sqrt"}) -> the functions that go under these names when the source is compiled by Numba."""
+    return {name: _make(*CHECKED[name]) for name in names if name in CHECKED}
+
+
+def _make(what: object, count: int, fails: int) -> object:
+    from numba import types as nb
+    from numba.extending import intrinsic
+
+    signature = nb.float64(*[nb.float64] * count)
+
+    def codegen(context, builder, signature, arguments):
+        result = _value(what, context, builder, signature, arguments)
+        if fails != NEVER:
+            with builder.if_then(_failed(builder, fails, result, arguments), likely=False):
+                context.call_conv.return_user_exc(builder, ValueError, ("not a number",))
+        return result
+
+    def prepare(typing):
+        if callable(what):
+            typing.resolve_function_type(what, signature.args, {})
+        return signature, codegen
+
+    if count == 1:
+        return intrinsic(lambda typing, x: prepare(typing))
+    return intrinsic(lambda typing, x, y: prepare(typing))
+
+
+def _value(what: object, context, builder, signature, arguments):
+    if callable(what):
+        return context.get_function(what, signature)(builder, arguments)
+    (x,) = arguments
+    if isinstance(what, str):
+        return builder.call(builder.module.declare_intrinsic(what, [x.type]), [x])
+    square = builder.fmul(x, x)
+    return {
+        2: lambda: square,
+        3: lambda: builder.fmul(x, square),
+        4: lambda: builder.fmul(square, square),
+    }[what]()
+
+
+def _failed(builder, fails: int, result, arguments):
+    from llvmlite import ir
+
+    zero = ir.Constant(ir.DoubleType(), 0.0)
+
+    def is_nan(value):
+        return builder.fcmp_unordered("uno", value, value)
+
+    def is_finite(value):
+        return builder.fcmp_ordered("==", builder.fsub(value, value), zero)
+
+    def all_of(test: Callable):
+        made = test(arguments[0])
+        return builder.and_(made, test(arguments[1])) if len(arguments) > 1 else made
+
+    known = all_of(lambda value: builder.not_(is_nan(value)))
+    invalid = builder.and_(is_nan(result), known)
+    endless = builder.and_(builder.not_(is_finite(result)), all_of(is_finite))
+    if fails == WHOLE:
+        return builder.not_(is_finite(result))
+    if fails == POWER:
+        return endless
+    if fails == LOOSE:
+        return invalid
+    if fails == POLE:  # math.pow(0, -1)
+        pole = builder.fcmp_ordered("==", arguments[0], zero)
+        return builder.or_(invalid, builder.and_(endless, pole))
+    return builder.or_(invalid, endless)

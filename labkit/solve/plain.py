@@ -1,0 +1,192 @@
+"""What the core calls in the plain back end: a model's functions on lists of numbers.
+
+    model = Plain(system, orientations(system))
+    model.flow[mode](t, y, p, out)
+
+What a function cannot answer is NaN, as in the compiled back end, and the core then rejects the step: a division by
+zero, a root of a negative number, an index beyond its table, anything that is raised. An overflow of math.exp and its
+kind is infinity. What is a mistake in the text of a function, wherever the state may be, is a ModelError.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from math import nan
+from types import BuiltinFunctionType, FunctionType, SimpleNamespace
+
+import numpy as np
+
+from ..model import ModelError, System, Transition
+from ..rebind import rebound
+from .check import mistake, vector
+
+Pieces = list[tuple[Callable, float, float]]
+
+
+def orientations(system: System) -> list[Pieces]:
+    """orientations(system) -> per mode its guards as (function, sign, tolerance), turned so that a directed event is the rise."""
+    return [
+        [
+            (tr.guard, -1.0 if tr.direction < 0 else 1.0, tr.tolerance)
+            for i in system.leaving[mode]
+            if (tr := system.transitions[i]).guard
+        ]
+        for mode in system.modes
+    ]
+
+
+class Plain:
+    """Plain(system, orientations(system)): flow, guards and reset as lists of functions, by mode or transition.
+
+    A state is a list of `width` numbers, of which a mode uses the first, and the held variables behind.
+    """
+
+    def __init__(self, system: System, orientations: list[Pieces]):
+        modes = list(system.modes)
+        states = [_reader(system, mode) for mode in modes]
+        self.flow = [
+            _flow(f"the flow of mode {mode.name!r}", mode.flow, state, system.states_of(mode.name))
+            for mode, state in zip(system.modes.values(), states, strict=True)
+        ]
+        self.guards = [
+            _guards(f"a guard of mode {mode!r}", pieces, state)
+            for mode, pieces, state in zip(modes, orientations, states, strict=True)
+        ]
+        self.reset = [_reset(system, tr, states) for tr in system.transitions]
+        self.stepper = None
+
+
+def _reader(system: System, mode: str) -> Callable[[list[float]], tuple]:
+    """_reader(system, mode)(y) -> the named tuple s that a function of this mode gets."""
+    new, kind = tuple.__new__, system.S[mode]
+    n, width = len(system.states_of(mode)), system.width
+    if n == width:
+        return lambda y: new(kind, y)
+    return lambda y: new(kind, [*y[:n], *y[width:]])
+
+
+def _flow(what: str, function: Callable, state: Callable, names: tuple[str, ...]) -> Callable:
+    n, rescue = len(names), _rescue(what, function, names)
+
+    def flow(t, y, p, out):
+        s = state(y)
+        try:
+            values = function(t, s, p)
+            if type(values) is not tuple or len(values) != n:
+                values = vector(values, what, names, "derivatives")
+            out[:n] = map(float, values)
+        except Exception as error:
+            out[:n] = rescue(error, t, s, p)
+
+    return flow
+
+
+def _guards(what: str, pieces: Pieces, state: Callable) -> Callable:
+    rescues = [_rescue(what, function, None) for function, _, _ in pieces]
+
+    def guards(t, y, p, out):
+        s = state(y)
+        for k, (function, sign, tolerance) in enumerate(pieces):
+            try:
+                out[k] = sign * float(function(t, s, p)) - tolerance
+            except Exception as error:
+                out[k] = sign * rescues[k](error, t, s, p)[0] - tolerance
+
+    return guards
+
+
+def _reset(system: System, transition: Transition, states: list[Callable]) -> Callable:
+    """The reset of one transition: (mode, t, y, p, out); what it does not name is carried over."""
+    modes, what = list(system.modes), f"the reset of {transition.name!r}"
+    target = transition.target or transition.sources[0]
+    names, places = system.states_of(target), system.places(target)
+    if callable(transition.reset):
+        rescue = _rescue(what, transition.reset, names)
+
+        def values_of(mode, t, s, y, p):
+            try:
+                values = vector(transition.reset(t, s, p), what, names, "states")
+                values = [*map(float, values)]
+            except Exception as error:
+                values = rescue(error, t, s, p)
+            return [*values, *y[system.width :]]
+    else:
+        parts = {
+            mode: [
+                (part, _rescue(what, part, None), system.places(modes[mode]).get(name))
+                for name, part in system.reset_parts(transition, modes[mode]).items()
+            ]
+            for mode in (modes.index(source) for source in transition.sources)
+        }
+
+        def values_of(mode, t, s, y, p):
+            values = []
+            for part, rescue, place in parts[mode]:
+                try:
+                    values.append(float(part(t, s, p)) if part else y[place])
+                except Exception as error:
+                    values += rescue(error, t, s, p)
+            return values
+
+    def reset(mode, t, y, p, out):
+        values = values_of(mode, t, states[mode](y), y, p)
+        for place, value in zip(places.values(), values, strict=True):
+            out[place] = value
+
+    return reset
+
+
+# ---------------------------------------------------------------- when a function fails
+
+
+def _rescue(what: str, function: Callable | None, names: tuple[str, ...] | None) -> Callable:
+    """_rescue(what, f, names)(error, t, s, p) -> the values all the same, NaN, or a ModelError; names None: one value."""
+    ieee: list[Callable] = []
+
+    def rescue(error: Exception, t: float, s: tuple, p: tuple) -> list[float]:
+        if isinstance(error, OverflowError):
+            ieee or ieee.append(_with_infinity(function))
+            try:
+                values = ieee[0](t, s, p)
+                return [*map(float, (values,) if names is None else values)]
+            except Exception as second:
+                error = second
+        if words := mistake(error, what, t, s, p):
+            raise ModelError(words) from error
+        return [nan] * (1 if names is None else len(names))
+
+    return rescue
+
+
+def _infinite(function: Callable) -> Callable:
+    def call(*values: float) -> float:
+        try:
+            return function(*values)
+        except OverflowError:
+            with np.errstate(all="ignore"):
+                same = getattr(np, {"pow": "power"}.get(function.__name__, function.__name__), None)
+                return float(same(*values)) if same else math.inf
+
+    return call
+
+
+_INFINITE = {
+    name: _infinite(getattr(math, name))
+    for name in "exp exp2 expm1 cosh sinh gamma lgamma pow hypot ldexp".split()
+    if hasattr(math, name)
+}
+
+
+def _with_infinity(function: Callable) -> Callable:
+    """A copy of a function in which, and in whose helpers, an overflow of math.exp and its kind is infinity."""
+    copies: dict = {}
+
+    def swap(value: object, name: str) -> object:
+        if value is math:
+            return SimpleNamespace(**{**vars(math), **_INFINITE})
+        if isinstance(value, BuiltinFunctionType) and value.__module__ == "math":
+            return _INFINITE.get(value.__name__, value)
+        return rebound(value, swap, copies) if isinstance(value, FunctionType) else value
+
+    return swap(function, "")  # type: ignore[return-value]
