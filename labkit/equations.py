@@ -1,8 +1,11 @@
-"""A System as mathematics: the functions that are simulated, traced with SymPy. There is no second copy to disagree.
+"""A System as mathematics: the functions that are simulated, traced with SymPy.
+
+There is no second copy to disagree.
 
 equations(ball)                          # shows every mode, guard, reset and output in LaTeX
 equations(ball).flows["flight"]["v"]     # SymPy expressions: -g
-jacobian(ball)                           # ∂f/∂s of a mode; jacobian(ball).at({"y": 1, "v": 0}, g=1.62) in numbers
+jacobian(ball)                           # ∂f/∂s of a mode
+jacobian(ball).at({"y": 1, "v": 0}, g=1.62)    # … in numbers
 parameter_table(ball)
 mode_diagram(ball)                       # modes and transitions as a picture
 """
@@ -59,14 +62,16 @@ class _Row:
 
 
 class Equations:
-    """The equations of a system, as made by `equations(system)`; the last line of a cell shows them.
+    """The equations of a system, as made by `equations(system)`; as a cell's last line they show.
 
     flows     mode -> {state: expression of its derivative}
     guards    one expression a transition, in their order; None where a schedule stands instead
-    resets    one {state after: expression in the states before} a transition; None where the state is kept
+    resets    one {state after: expression in the states before} a transition, of a reset that names
+              what changes only that; None where the state is kept
     outputs   output -> {mode: expression}
-    Symbols are real and carry the Python names: sympy.Symbol("x", real=True). Helper functions with cases are
-    written out in these; the display keeps their names. What cannot be traced is an `Untraced` in its place.
+    Symbols are real and carry the Python names: sympy.Symbol("x", real=True). Helper functions with
+    cases are written out in these; the display keeps their names. What cannot be traced is an
+    `Untraced` in its place.
     """
 
     def __init__(self, system: System):
@@ -116,16 +121,17 @@ class Equations:
             return Untraced(_source(function), str(error))
 
     def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
-        guard = None if tr.guard is None else self._trace(tr.guard, sources[0])
-        return _Row(tr, sources, guard, None if tr.reset is None else self._reset(tr, sources[0]))
-
-    def _reset(self, tr: Transition, source: str) -> Any:
-        """{name after the event: expression}, or Untraced; of a reset that names what changes, the rest is kept."""
-        if callable(tr.reset):
-            return self._trace(tr.reset, source, self.system.states_of(tr.target or source))
-        parts = self.system.reset_parts(tr, source).items()
-        traced = {n: self._trace(part, source) if part else self.states[n] for n, part in parts}
-        return next((e for e in traced.values() if isinstance(e, Untraced)), traced)
+        mode = sources[0]
+        guard = None if tr.guard is None else self._trace(tr.guard, mode)
+        if isinstance(tr.reset, Mapping):
+            parts = self.system.reset_parts(tr, mode)
+            reset = {name: self._trace(parts[name], mode) for name in tr.reset}
+            reset = next((e for e in reset.values() if isinstance(e, Untraced)), reset)
+        elif tr.reset is not None:
+            reset = self._trace(tr.reset, mode, self.system.states_of(tr.target or mode))
+        else:
+            reset = None
+        return _Row(tr, sources, guard, reset)
 
     def _functions(self, output: str) -> Mapping[str, Callable]:
         function = self.system.outputs[output].function
@@ -141,7 +147,10 @@ class Equations:
         return self._tracer.expand(what) if isinstance(what, sp.Expr) else what
 
     def latex(self, what: sp.Basic | float | str | Callable) -> str:
-        """equations(system).latex(e) -> LaTeX with the system's symbols; also of a number, a parameter's name or f(p)."""
+        """equations(system).latex(e) -> LaTeX with the system's symbols.
+
+        Also of a number, a parameter's name or f(p).
+        """
         if callable(what) and not isinstance(what, sp.Basic):
             try:
                 what = self._tracer.trace(what, self._p)
@@ -153,13 +162,20 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
-        states = ", ".join(
-            f"${latex_name(n)}$"
+        words = {
+            n: f"${latex_name(n)}$"
             + (f" {system.meanings[n]}" if system.meanings[n] else "")
             + (f" [{u}]" if u else "")
             for n, u in system.units.items()
-        )
-        parts = [f"**{system.name}**: states {states}"]
+        }
+        parts = [
+            f"**{system.name}**: states "
+            f"{', '.join(words[n] for n in words if n not in system.held)}"
+        ]
+        if system.held:
+            parts[0] += (
+                f"; held, changed by events only: {', '.join(words[n] for n in system.held)}"
+            )
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
             shown = self._shown[mode.name]
@@ -214,12 +230,14 @@ class Equations:
     def _words(self, row: _Row) -> str:
         """**bounce**, flight → flight: when $y$ falls through 0; then $v^{+} = - e v$."""
         tr = row.transition
-        arrow = f"{' or '.join(f'*{name}*' for name in row.sources)} → {f'*{tr.target}*' if tr.target else '**end of the run**'}"
+        sources = " or ".join(f"*{name}*" for name in row.sources)
+        arrow = f"{sources} → {f'*{tr.target}*' if tr.target else '**end of the run**'}"
         text = (
             f"**{tr.label}**, " if tr.label else ""
         ) + f"{arrow}: {self.condition(tr, row.guard)}"
         if isinstance(row.reset, Untraced):
-            text += f"; then the state is changed by\n\n{textwrap.indent(_code('', row.reset).strip(), '  ')}\n"
+            code = textwrap.indent(_code("", row.reset).strip(), "  ")
+            text += f"; then the state is changed by\n\n{code}\n"
         elif row.reset:
             changed = {
                 n: e
@@ -241,7 +259,11 @@ class Equations:
         elif isinstance(tr.at, At):
             text = "at $t$ = " + ", ".join(map(self._time, tr.at.instants))
         elif isinstance(guard, Untraced):
-            text = f"when its guard {_WAYS[tr.direction]} 0 (a guard shown as code, because {guard.why}: `{' '.join(guard.source.split())}`)"
+            code = " ".join(guard.source.split())
+            text = (
+                f"when its guard {_WAYS[tr.direction]} 0 "
+                f"(a guard shown as code, because {guard.why}: `{code}`)"
+            )
         else:
             text = f"when ${self.latex(guard)}$ {_WAYS[tr.direction]} 0"
         text += f" by more than {tr.tolerance:g}" if tr.tolerance else ""
@@ -302,17 +324,21 @@ _WAYS = {-1: "falls through", 0: "passes through", 1: "rises through"}
 
 
 def equations(system: System) -> Equations:
-    """equations(system) -> Equations: per mode the differential equations, then transitions, outputs and start.
+    """equations(system) -> Equations: of each mode, then transitions, outputs and start.
 
-    The formulas come from the functions themselves, called with symbols; see `labkit.trace`. `.flows`, `.guards`, `.resets`
-    and `.outputs` hold SymPy expressions. A function that is no formula is shown as its source, with the reason; no exception.
+    The formulas come from the functions themselves, called with symbols; see `labkit.trace`.
+    `.flows`, `.guards`, `.resets` and `.outputs` hold SymPy expressions. A function that is no
+    formula is shown as its source, with the reason; no exception.
     """
     _check(system, "equations")
     return Equations(system)
 
 
 class Jacobian(sp.ImmutableDenseMatrix):
-    """The matrix ∂f/∂s of one mode: a SymPy matrix that is shown in the system's symbols and has `.at` for numbers."""
+    """The matrix ∂f/∂s of one mode.
+
+    A SymPy matrix that is shown in the system's symbols and has `.at` for numbers.
+    """
 
     equations: Equations
     mode: str
@@ -320,12 +346,13 @@ class Jacobian(sp.ImmutableDenseMatrix):
     def at(
         self, state: Mapping[str, float] | None = None, t: float = 0.0, **parameters: float
     ) -> np.ndarray:
-        """jacobian(system).at({"x": 1, "v": 0}, k=2) -> (n, n) array at that state; what is left out is as in the system.
+        """jacobian(system).at({"x": 1, "v": 0}, k=2) -> (n, n) array at that state.
 
-        Raises ModelError for an unknown or missing state or parameter.
+        What is left out is as in the system. Raises ModelError for an unknown or missing state or
+        parameter.
         """
         system = self.equations.system
-        names = system.states_of(self.mode)
+        names = system.S[self.mode]._fields
         state = {**{n: system.start[n] for n in names if n in system.start}, **(state or {})}
         values = [t, *system.check_start(state, self.mode), *system.values(parameters)]
         symbols = [
@@ -340,10 +367,12 @@ class Jacobian(sp.ImmutableDenseMatrix):
 
 
 def jacobian(system: System, mode: str | None = None) -> Jacobian:
-    """jacobian(system, "slip") -> Jacobian: the matrix of ∂(derivative i)/∂(state j) of a mode (default: the start mode).
+    """jacobian(system, "slip") -> Jacobian: ∂(derivative i)/∂(state j) of a mode.
 
-    Right between switching instants: at a jump of sign, floor or of a case the derivative does not exist, beside it their part is 0.
-    Raises ModelError for an unknown mode, or where the flow could not be traced.
+    Left out, the mode is the start mode.
+    Right between switching instants: at a jump of sign, floor or of a case the derivative does not
+    exist, beside it their part is 0. Raises ModelError for an unknown mode, or where the flow could
+    not be traced.
     """
     made = equations(system)
     mode = (
@@ -360,7 +389,8 @@ def jacobian(system: System, mode: str | None = None) -> Jacobian:
     flow = made.flows[mode]
     if isinstance(flow, Untraced):
         raise ModelError(
-            f"the flow of mode {mode!r} has no Jacobian: it cannot be written as a formula, because {flow.why}"
+            f"the flow of mode {mode!r} has no Jacobian: it cannot be written as a formula, "
+            f"because {flow.why}"
         )
     result = Jacobian(
         [[_derivative(e, made.states[n]) for n in system.states_of(mode)] for e in flow.values()]
@@ -370,7 +400,10 @@ def jacobian(system: System, mode: str | None = None) -> Jacobian:
 
 
 def _derivative(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
-    """Steps are constant between their jumps; SymPy alone would give Dirac pulses and unevaluated derivatives of floor."""
+    """Steps are constant between their jumps.
+
+    SymPy alone would give Dirac pulses and unevaluated derivatives of floor.
+    """
     e = e.replace(sp.Mod, lambda a, b: a - b * sp.floor(a / b))
     steps = {
         step: sp.Dummy(real=True) for step in e.atoms(sp.sign, sp.floor, sp.ceiling, sp.Heaviside)
@@ -383,7 +416,10 @@ def _derivative(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
 
 
 def parameter_table(system: System) -> Table:
-    """parameter_table(system) -> Table: symbol, name in the code, meaning, value, unit and range of every parameter."""
+    """parameter_table(system) -> Table: a row for every parameter, then for every held variable.
+
+    Symbol, name in the code, meaning, value (of a held variable: at the start), unit and range.
+    """
     _check(system, "parameter_table")
     rows = []
     for name, what in system.parameters.items():
@@ -407,11 +443,18 @@ def parameter_table(system: System) -> Table:
                 span,
             )
         )
+    for name, held in system.held.items():
+        symbol = f"${latex_name(name)}$"
+        span = "changed by events"
+        rows.append((symbol, f"`{name}`", held.meaning, _plain(held.start), held.unit, span))
     return Table(("symbol", "in the code", "meaning", "value", "unit", "range"), rows)
 
 
 def mode_diagram(system: System) -> Any:
-    """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as labelled arrows; see `labkit.diagram`."""
+    """mode_diagram(system) -> figure.
+
+    Modes as boxes in their colours, transitions as labelled arrows; see `labkit.diagram`.
+    """
     from .diagram import mode_diagram as draw  # Matplotlib is loaded only for a picture
 
     _check(system, "mode_diagram")
@@ -443,7 +486,8 @@ def _source(function: Callable) -> str:
     try:
         return textwrap.dedent(inspect.getsource(function)).strip()
     except (OSError, TypeError):
-        return f"{getattr(function, '__name__', repr(function))}(t, s, p): …  # its source is not at hand"
+        name = getattr(function, "__name__", repr(function))
+        return f"{name}(t, s, p): …  # its source is not at hand"
 
 
 def _code(title: str, what: Untraced) -> str:
@@ -451,7 +495,10 @@ def _code(title: str, what: Untraced) -> str:
 
 
 class _Printer(LatexPrinter):
-    """SymPy's LaTeX with the system's symbols, named helpers, short decimals; sums: states first, constants last, no leading minus."""
+    """SymPy's LaTeX with the system's symbols, named helpers, short decimals.
+
+    In sums states come first, constants last, and no minus leads.
+    """
 
     def __init__(self, owner: Equations):
         super().__init__(
@@ -508,7 +555,7 @@ class _Printer(LatexPrinter):
 
 
 class _Callable(types.ModuleType):
-    """`labkit.equations` is this module as soon as anything has imported it, and the function before: both must do the same."""
+    """`labkit.equations` is the function, and this module once it is imported: both do the same."""
 
     def __call__(self, system: System) -> Equations:
         return equations(system)

@@ -1,12 +1,14 @@
-"""Linear systems of second order, ds/dt = A s + b: the type of their equilibrium, and their exact solution.
+"""Linear systems of second order, ds/dt = A s + b: type of the equilibrium, exact solution.
 
     classify(A), borders(A), equilibrium(A, b), eigenlines(A)
     exact(A, b, (4, -2), t)      # (len(t), 2), also where A is defective or singular
-    true_error(run)              # of a simulated linear model; error_table(system, 10.0, [("RK4", 0.1), ("DOP853", 1e-10)])
+    true_error(run)              # of a simulated linear model
+    error_table(system, 10.0, [("RK4", 0.1), ("DOP853", 1e-10)])
 
-All of it rests on one splitting of a real 2 × 2 matrix, A = a E + q J + R: a = tr A/2, J the quarter turn [[0, −1], [1, 0]], and
-R symmetric with trace 0, that is, r times a reflection. Then λ = a ± √(r² − q²), the singular values are |√(a² + q²) ± r|, and what
-decides the type is which of r, |q| and |a| is larger: numbers that come from A without cancellation.
+All of it rests on one splitting of a real 2 × 2 matrix, A = a E + q J + R: a = tr A/2, J the
+quarter turn [[0, −1], [1, 0]], and R symmetric with trace 0, that is, r times a reflection. Then λ
+= a ± √(r² − q²), the singular values are |√(a² + q²) ± r|, and what decides the type is which of r,
+|q| and |a| is larger: numbers that come from A without cancellation.
 """
 
 from __future__ import annotations
@@ -37,20 +39,27 @@ E = np.eye(2)
 
 
 def finite(value: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
-    """finite(b, (2,), "b") -> array of that shape; ModelError, naming it, for another shape or anything that is not a finite number."""
+    """finite(b, (2,), "b") -> array of that shape.
+
+    ModelError, naming it, for another shape or anything that is not a finite number.
+    """
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise ModelError(f"{what} must be made of numbers, not {value!r}") from None
     if array.shape != shape or not np.isfinite(array).all():
         raise ModelError(
-            f"{what} must be {'a 2 × 2 matrix' if len(shape) == 2 else 'a pair'} of finite numbers, not {value!r}"
+            f"{what} must be {'a 2 × 2 matrix' if len(shape) == 2 else 'a pair'} of finite "
+            f"numbers, not {value!r}"
         )
     return array
 
 
 def _split(A: ArrayLike) -> tuple[float, float, float, float, float]:
-    """size, a, q, r and r − |q| of A = size·(a E + q J + R), entries of A/size at most 1. size = 0 for the zero matrix."""
+    """size, a, q, r and r − |q| of A = size·(a E + q J + R), entries of A/size at most 1.
+
+    The size is 0 for the zero matrix.
+    """
     w, x, y, z = finite(A, (2, 2), "the matrix").ravel().tolist()
     size = max(abs(w), abs(x), abs(y), abs(z))
     if size == 0:
@@ -66,9 +75,10 @@ def _split(A: ArrayLike) -> tuple[float, float, float, float, float]:
 def borders(A: ArrayLike) -> dict[str, float]:
     """borders(A)["tr A = 0"] -> how far A is from a border between types, relative to ‖A‖.
 
-    The distance is ‖ΔA‖/‖A‖ (spectral norm) of the smallest change that puts A exactly on the border: |√(a² + q²) − r| for
-    "det A = 0" (the smallest singular value), |a| for "tr A = 0", |r − |q|| for "equal eigenvalues", i.e. det A = (tr A/2)², and
-    r + |q| for "star". A change below this distance cannot carry A over that border. All are 0 for the zero matrix.
+    The distance is ‖ΔA‖/‖A‖ (spectral norm) of the smallest change that puts A exactly on the
+    border: |√(a² + q²) − r| for "det A = 0" (the smallest singular value), |a| for "tr A = 0", |r −
+    |q|| for "equal eigenvalues", i.e. det A = (tr A/2)², and r + |q| for "star". A change below
+    this distance cannot carry A over that border. All are 0 for the zero matrix.
     """
     return _borders(*_split(A)[1:])
 
@@ -84,15 +94,18 @@ def _borders(a: float, q: float, r: float, gap: float) -> dict[str, float]:
 
 
 def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
-    """classify([[-2, 1], [-1, -2]]) -> "stable spiral point": the type of the equilibrium of dy/dt = A y, A 2 × 2.
+    """classify([[-2, 1], [-1, -2]]) -> "stable spiral point": of dy/dt = A y, A 2 × 2.
 
-    From trace and determinant (Strogatz, Nonlinear Dynamics and Chaos, section 5.2), that is, from the eigenvalues
-    λ = tr A/2 ± √((tr A/2)² − det A): "stable …" or "unstable …" with "node", "star", "improper node" or "spiral point";
-    "saddle", "centre", and "degenerate (line of equilibria)" or "degenerate (all points)" when det A = 0.
+    From trace and determinant (Strogatz, Nonlinear Dynamics and Chaos, section 5.2), that is, from
+    the eigenvalues λ = tr A/2 ± √((tr A/2)² − det A): "stable …" or "unstable …" with "node",
+    "star", "improper node" or "spiral point"; "saddle", "centre", and "degenerate (line of
+    equilibria)" or "degenerate (all points)" when det A = 0.
 
-    Stars, improper nodes, centres and degenerate cases are equalities, which numbers meet only to rounding: A counts as being on a
-    border when its distance to it, as `borders` gives it, is at most `tolerance`. With tolerance 0 the answer is right for every
-    matrix farther than 1e-15 from all borders. Raises ModelError for anything but a finite 2 × 2 matrix or a tolerance outside 0 … 0.1.
+    Stars, improper nodes, centres and degenerate cases are equalities, which numbers meet only to
+    rounding: A counts as being on a border when its distance to it, as `borders` gives it, is at
+    most `tolerance`. With tolerance 0 the answer is right for every matrix farther than 1e-15 from
+    all borders. Raises ModelError for anything but a finite 2 × 2 matrix or a tolerance outside 0 …
+    0.1.
     """
     if not 0 <= tolerance <= 0.1:
         raise ModelError(f"tolerance = {tolerance:g} must lie in 0 … 0.1")
@@ -115,17 +128,22 @@ def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
 
 
 def eigenvalues(A: ArrayLike) -> tuple[complex, complex]:
-    """eigenvalues(A) -> (λ1, λ2), larger real part first; equal ones come out equal, which NumPy's eigvals cannot promise."""
+    """eigenvalues(A) -> (λ1, λ2), larger real part first.
+
+    Equal ones come out equal, which NumPy's eigvals cannot promise.
+    """
     size, a, q, r, gap = _split(A)
     root = np.sqrt(complex(gap * (r + abs(q))))
     return size * (a + root), size * (a - root)
 
 
 def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.ndarray]]:
-    """eigenlines(A) -> [(λ, unit vector), …], largest λ first: the directions of straight trajectories through the equilibrium.
+    """eigenlines(A) -> [(λ, unit vector), …], largest λ first.
 
-    Two for a node or a saddle (there they are the separatrices: unstable first), one for an improper node, none for a spiral or a
-    centre. For a star every direction is one; the two axes are returned. `tolerance` as in `classify`.
+    The directions of straight trajectories through the equilibrium.
+    Two for a node or a saddle (there they are the separatrices: unstable first), one for an
+    improper node, none for a spiral or a centre. For a star every direction is one; the two axes
+    are returned. `tolerance` as in `classify`.
     """
     size, a, q, r, gap = _split(A)
     near = _borders(a, q, r, gap)
@@ -154,7 +172,8 @@ def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.nd
 def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndarray:
     """equilibrium(A, b) -> s* = −A⁻¹ b, the only point where A s + b = 0.
 
-    Raises ModelError when det A = 0 (to `tolerance`, see `borders`), and says whether no point or a whole line of points is at rest.
+    Raises ModelError when det A = 0 (to `tolerance`, see `borders`), and says whether no point or a
+    whole line of points is at rest.
     """
     A, b = finite(A, (2, 2), "A"), finite(b, (2,), "b")
     if not np.any(A) or borders(A)["det A = 0"] <= tolerance:
@@ -165,21 +184,30 @@ def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndar
                 "no point is at rest" if np.any(b) else "all points are at rest"
             )
         elif drive > 1e-9 * np.hypot(*b):
-            why = f"A s takes values on one line only and b does not lie on it: no point is at rest, the state drifts for ever ({drive:.3g} across that line)"
+            why = (
+                "A s takes values on one line only and b does not lie on it: no point is at rest, "
+                f"the state drifts for ever ({drive:.3g} across that line)"
+            )
         else:
             (x, y), (dx, dy) = -Vt[0] * (U[:, 0] @ b) / s[0], Vt[1]
-            why = f"A does not feel the direction ({dx:.3g}, {dy:.3g}): every point of the line through ({x:.3g}, {y:.3g}) along it is at rest"
+            why = (
+                f"A does not feel the direction ({dx:.3g}, {dy:.3g}): every point of the line "
+                f"through ({x:.3g}, {y:.3g}) along it is at rest"
+            )
         raise ModelError(f"there is no single equilibrium, because det A = 0. {why}")
     return np.linalg.solve(A, -b) + 0.0  # never −0
 
 
 def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndarray:
-    """exact(A, b, (4, -2), t) -> s(t) = e^{At} s0 + (∫₀ᵗ e^{Aτ} dτ) b, shape (len(t), 2); starts of shape (k, 2) give (k, len(t), 2).
+    """exact(A, b, (4, -2), t) -> s(t) = e^{At} s0 + (∫₀ᵗ e^{Aτ} dτ) b, shape (len(t), 2).
 
-    The integral is A⁻¹(e^{At} − E) where A has an inverse, and exists where it has none. With B = A − aE and ±√Δ = ±√(r² − q²) the
-    eigenvalues of B, every function of A is f(A) = ½(f(λ1) + f(λ2)) E + f[λ1, λ2] B; the divided differences f[λ1, λ2] are evaluated
-    without cancellation, so nodes with nearly equal eigenvalues, improper nodes and spirals are one formula.
-    Times may be negative. Raises ModelError for wrong shapes, and where the solution leaves the range of numbers (1e308).
+    Starts of shape (k, 2) give (k, len(t), 2).
+    The integral is A⁻¹(e^{At} − E) where A has an inverse, and exists where it has none. With B = A
+    − aE and ±√Δ = ±√(r² − q²) the eigenvalues of B, every function of A is f(A) = ½(f(λ1) + f(λ2))
+    E + f[λ1, λ2] B; the divided differences f[λ1, λ2] are evaluated without cancellation, so nodes
+    with nearly equal eigenvalues, improper nodes and spirals are one formula. Times may be
+    negative. Raises ModelError for wrong shapes, and where the solution leaves the range of numbers
+    (1e308).
     """
     A, b = finite(A, (2, 2), "A"), finite(b, (2,), "b")
     t, start = np.asarray(t, dtype=float).reshape(-1, 1, 1), np.asarray(start, dtype=float)
@@ -189,7 +217,8 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
         or not (np.all(np.isfinite(start)) and np.all(np.isfinite(t)))
     ):
         raise ModelError(
-            f"start must be a pair of numbers or an array (k, 2), and t finite; got a start of shape {start.shape}"
+            "start must be a pair of numbers or an array (k, 2), and t finite; got a start of "
+            f"shape {start.shape}"
         )
     size, a, q, r, gap = _split(A)
     a, root = size * a, size * np.sqrt(complex(gap * (r + abs(q))))
@@ -200,7 +229,8 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
         slope = t * np.exp(a * t + w) * _phi1(-2 * w)  # e^{at} sinh(√Δ t)/√Δ
         flow = mean.real * E + slope.real * B
         h = t * (_phi1(a * t + w) + _phi1(a * t - w)) / 2
-        # f[λ1, λ2] of f(λ) = t φ(λt): the difference quotient, or Gauss's mean of f' where λ1 t and λ2 t are close
+        # f[λ1, λ2] of f(λ) = t φ(λt): the difference quotient, or Gauss's mean of f' where λ1 t and
+        # λ2 t are close
         close = np.abs(w) < 1
         far = np.where(close, 1, w)
         between = sum(
@@ -214,7 +244,8 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
     s = np.einsum("mij,...j->...mi", flow, start) + drive
     if not np.all(np.isfinite(s)):
         raise ModelError(
-            f"the exact solution grows beyond 1e308 within t = {np.abs(t).max():g}: take a shorter time"
+            f"the exact solution grows beyond 1e308 within t = {np.abs(t).max():g}: take a "
+            "shorter time"
         )
     return s
 
@@ -236,20 +267,25 @@ def _phi1_slope(z: np.ndarray) -> np.ndarray:
     return np.where(np.abs(z) < 1, series, (np.exp(safe) * (safe - 1) + 1) / safe**2)
 
 
-def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """A, b = affine(system, run.p): the matrix and the inflow of a linear model, from its own flow at three points.
+def affine(
+    system: System, p: tuple | None = None, at: Mapping[str, float] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """A, b = affine(system, run.p): matrix and inflow of a linear model, from its flow at points.
 
-    Raises ModelError for a model that has not two states and one mode, or is not linear.
+    Held variables stand as in `at` (run.start, say), or as at the system's start. Raises ModelError
+    for a model that has not two states and one mode, or is not linear.
     """
     (mode,) = system.modes.values() if len(system.modes) == 1 else (None,)
     if mode is None or len(system.states) != 2:
         raise ModelError(
-            f"{system.name!r} has {len(system.modes)} mode(s) and the states {listed(system.states)}; here a system has one mode and two states"
+            f"{system.name!r} has {len(system.modes)} mode(s) and the states "
+            f"{listed(system.states)}; here a system has one mode and two states"
         )
     kind, p = system.S[mode.name], system.values() if p is None else p
+    held = [(at or system.start)[name] for name in system.held]
 
     def flow(x: float, y: float, t: float = 0.0) -> np.ndarray:
-        return np.array(mode.flow(t, kind(x, y), p), dtype=float)
+        return np.array(mode.flow(t, kind(x, y, *held), p), dtype=float)
 
     b = flow(0.0, 0.0)
     A = np.column_stack([flow(1.0, 0.0) - flow(-1.0, 0.0), flow(0.0, 1.0) - flow(0.0, -1.0)]) / 2
@@ -267,8 +303,8 @@ def affine(system: System, p: tuple | None = None) -> tuple[np.ndarray, np.ndarr
 
 
 def true_error(run: Run) -> np.ndarray:
-    """true_error(run) -> distance between simulated and exact state at every sample of a run of a linear model, shape (m,)."""
-    A, b = affine(run.system, run.p)
+    """true_error(run) -> (m,) distance of each sample from the exact state, of a linear model."""
+    A, b = affine(run.system, run.p, run.start)
     return np.hypot(*(run.values[:, :2] - exact(A, b, run.values[0, :2], run.t - run.t[0])).T)
 
 
@@ -279,9 +315,11 @@ def error_table(
     start: Mapping[str, float] | None = None,
     **parameters: float,
 ) -> Table:
-    """error_table(system, 10.0, [("Euler", 0.01), ("DOP853", 1e-10)]) -> table of what each method costs and how far it is from the exact solution.
+    """error_table(system, 10.0, [("Euler", 0.01), ("DOP853", 1e-10)]) -> Table.
 
-    The number beside a method is its step where it has a fixed one (Euler, Heun, RK4), else its rtol (atol is a hundredth of it).
+    What each method costs and how far it is from the exact solution.
+    The number beside a method is its step where it has a fixed one (Euler, Heun, RK4), else its
+    rtol (atol is a hundredth of it).
     """
     from .solve import simulate
     from .solve.methods import FIXED_STEP
@@ -299,7 +337,7 @@ def error_table(
         )
         error, size = (
             true_error(run),
-            np.hypot(*exact(*affine(system, run.p), run.values[0, :2], run.t).T).max(),
+            np.hypot(*exact(*affine(system, run.p, run.start), run.values[0, :2], run.t).T).max(),
         )
         rows.append(
             (

@@ -7,7 +7,7 @@ from labkit.runs import Runs, Samples
 
 
 def lanes(system, t, modes, values, ends, p=None):
-    """lanes(system, t (samples,), modes (samples,), values (samples, length), ends of lanes) -> Runs."""
+    """lanes(system, t, modes, values, ends) -> Runs of samples in a row, lane k up to ends[k]."""
     count, nothing = len(ends), np.empty((0, 5 + 2 * values.shape[1]))
     return Runs(
         system,

@@ -1,4 +1,7 @@
-"""Results that code can test: why a run ended, how it was made, its ledger as arrays; many runs as a sequence of runs."""
+"""Results that code can test: why a run ended, how it was made, its ledger as arrays.
+
+Many runs as a sequence of runs.
+"""
 
 import math
 import signal
@@ -72,10 +75,21 @@ def test_notes_are_told():
 def test_options_say_how_it_was_made():
     run = simulate(systems.ball(), 3.0, e=0.5, start={"y": 2.0}, method="RK45", rtol=1e-5)
     assert run.options == {
-        "t_end": 3.0, "t0": 0.0, "start": {"y": 2.0, "v": 0.0}, "mode": None, "method": "RK45",
-        "rtol": 1e-5, "atol": None, "step": None, "max_step": None, "points": 500, "locate": True,
-        "backend": "auto", "max_events": 100_000, "max_steps": 1_000_000,
-    }  # fmt: skip
+        "t_end": 3.0,
+        "t0": 0.0,
+        "start": {"y": 2.0, "v": 0.0},
+        "mode": None,
+        "method": "RK45",
+        "rtol": 1e-5,
+        "atol": None,
+        "step": None,
+        "max_step": None,
+        "points": 500,
+        "locate": True,
+        "backend": "auto",
+        "max_events": 100_000,
+        "max_steps": 1_000_000,
+    }
     with pytest.raises(TypeError):
         run.options["rtol"] = 1.0
     assert set(run.options) <= OPTIONS
@@ -139,7 +153,7 @@ def test_a_run_made_by_hand_cannot_be_made_again():
         ("max_step", "x", "max_step must be a number"),
         ("t_end", "ten", "t_end must be a number, not 'ten'"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("call", [simulate, simulate_many])
 def test_nonsense_is_named(option, value, words, call):
     with pytest.raises(ModelError, match=words):
@@ -155,9 +169,20 @@ def test_what_is_simulated_is_a_system(what, call):
 
 def settings(system, **changed):
     given = {
-        "t_end": 1.0, "t0": 0.0, "method": "RK45", "rtol": 1e-6, "atol": None, "step": None, "max_step": None, "points": 2,
-        "locate": True, "backend": "auto", "max_events": 9, "max_steps": 9, "dense": True,
-    }  # fmt: skip
+        "t_end": 1.0,
+        "t0": 0.0,
+        "method": "RK45",
+        "rtol": 1e-6,
+        "atol": None,
+        "step": None,
+        "max_step": None,
+        "points": 2,
+        "locate": True,
+        "backend": "auto",
+        "max_events": 9,
+        "max_steps": 9,
+        "dense": True,
+    }
     return Settings(Options(system, **(given | changed)))
 
 
@@ -219,14 +244,31 @@ def test_a_transition_that_never_fired_is_empty():
 def test_ledger_of_modes_with_other_states():
     swing = Mode("swing", lambda t, s, p: (1.0,), {"phi": ""})
     system = System(
-        "torn", {"x": "m", "v": "m/s"}, {}, [Mode("fly", lambda t, s, p: (s.v, 0.0)), swing],
+        "torn",
+        {"x": "m", "v": "m/s"},
+        {},
+        [Mode("fly", lambda t, s, p: (s.v, 0.0)), swing],
         [
-            Transition("fly", "swing", guard=lambda t, s, p: s.x - 1, direction=1, reset=lambda t, s, p: (0.25,), label="caught"),
-            Transition("swing", "fly", guard=lambda t, s, p: s.phi - 1, direction=1, reset=lambda t, s, p: (0.0, 2.0), label="let go"),
+            Transition(
+                "fly",
+                "swing",
+                guard=lambda t, s, p: s.x - 1,
+                direction=1,
+                reset=lambda t, s, p: (0.25,),
+                label="caught",
+            ),
+            Transition(
+                "swing",
+                "fly",
+                guard=lambda t, s, p: s.phi - 1,
+                direction=1,
+                reset=lambda t, s, p: (0.0, 2.0),
+                label="let go",
+            ),
             Transition("fly", None, at=At(9.0), label="end"),
         ],
         start={"x": 0.0, "v": 1.0},
-    )  # fmt: skip
+    )
     run = simulate(system, 4.0)
     caught, free = run.events["caught"], run.events["let go"]
     np.testing.assert_allclose(caught.before["x"], 1.0)
@@ -251,7 +293,10 @@ def test_the_ledger_stays_cheap():
 
 
 def by_hand():
-    """Friction 1 or −1 in two modes of x' = F; from the second sample on both at once, a quarter of the second."""
+    """Friction 1 or −1 in two modes of x' = F.
+
+    From the second sample on both at once, a quarter of the second.
+    """
     push, pull = Mode("push", lambda t, s, p: (1.0,)), Mode("pull", lambda t, s, p: (-1.0,))
     law = {"push": lambda t, s, p: p.F + s.x, "pull": lambda t, s, p: -p.F}
     system = System(
@@ -263,10 +308,19 @@ def by_hand():
         outputs={"F_": Output(law), "half": Output({"push": lambda t, s, p: 1.0})},
     )
     return Run(
-        system, system.values(), np.array([0.0, 1.0, 2.0]), np.array([0, 1, 1]), np.array([0, 0, 1]), np.array([[0.0], [1.0], [1.5]]),
-        [], "finished", Work(0, 0, 0, 0, 0, 0.0, "", ""), np.array([[0.0, 1.0, 0, -1, 0.0, 1.0], [1.0, 1.0, 0, 1, 1.0, 0.5]]),
-        other=np.array([-1, 1, 0]), part=np.array([0.0, 0.25, 0.25]),
-    )  # fmt: skip
+        system,
+        system.values(),
+        np.array([0.0, 1.0, 2.0]),
+        np.array([0, 1, 1]),
+        np.array([0, 0, 1]),
+        np.array([[0.0], [1.0], [1.5]]),
+        [],
+        "finished",
+        Work(0, 0, 0, 0, 0, 0.0, "", ""),
+        np.array([[0.0, 1.0, 0, -1, 0.0, 1.0], [1.0, 1.0, 0, 1, 1.0, 0.5]]),
+        other=np.array([-1, 1, 0]),
+        part=np.array([0.0, 0.25, 0.25]),
+    )
 
 
 def test_outputs_while_sliding_are_the_mixture():
@@ -283,17 +337,43 @@ def test_outputs_while_sliding_are_the_mixture():
 
 
 def fates():
-    """Lanes that bounce, end, diverge, have a dead time that may be negative and a start that may lie beyond."""
+    """Lanes that bounce, end, diverge, have a negative dead time or start beyond a guard."""
     return System(
-        "fates", {"y": "m", "v": "m/s"}, {"g": 10.0, "x": 0.0, "Td": 0.1},
-        [Mode("fall", lambda t, s, p: (s.v, p.x * s.y * s.y - p.g)), Mode("cut", lambda t, s, p: (0.0, 0.0))],
+        "fates",
+        {"y": "m", "v": "m/s"},
+        {"g": 10.0, "x": 0.0, "Td": 0.1},
         [
-            Transition("fall", "fall", guard=lambda t, s, p: s.y, direction=-1, reset=lambda t, s, p: (0.0, -0.9 * s.v), label="bounce"),
-            Transition("fall", None, guard=lambda t, s, p: s.y - 5.2 - 1e200 * p.x, direction=1, label="too high"),
-            Transition("fall", "cut", guard=lambda t, s, p: t - 1.2, direction=1, delay=lambda p: math.sqrt(p.Td), label="cut"),
+            Mode("fall", lambda t, s, p: (s.v, p.x * s.y * s.y - p.g)),
+            Mode("cut", lambda t, s, p: (0.0, 0.0)),
         ],
-        start={"y": 1.0, "v": 0.0}, outputs={"E": Output(lambda t, s, p: p.g * s.y + s.v**2 / 2)},
-    )  # fmt: skip
+        [
+            Transition(
+                "fall",
+                "fall",
+                guard=lambda t, s, p: s.y,
+                direction=-1,
+                reset=lambda t, s, p: (0.0, -0.9 * s.v),
+                label="bounce",
+            ),
+            Transition(
+                "fall",
+                None,
+                guard=lambda t, s, p: s.y - 5.2 - 1e200 * p.x,
+                direction=1,
+                label="too high",
+            ),
+            Transition(
+                "fall",
+                "cut",
+                guard=lambda t, s, p: t - 1.2,
+                direction=1,
+                delay=lambda p: math.sqrt(p.Td),
+                label="cut",
+            ),
+        ],
+        start={"y": 1.0, "v": 0.0},
+        outputs={"E": Output(lambda t, s, p: p.g * s.y + s.v**2 / 2)},
+    )
 
 
 OPTION = {"points": 7, "rtol": 1e-8, "atol": 1e-10}
@@ -400,14 +480,16 @@ PEAK = """
     except ImportError:  # Windows
         sys.exit(77)
     from labkit import At, Every, Mode, System, Transition, simulate_many
+    lanes, events, points, backend = *map(int, sys.argv[1:4]), sys.argv[4]
+    flow = Mode("m", lambda t, s, p: (s.v, -s.x))
     tick = Transition("m", "m", at=Every("T"), label="tick")
-    system = System("clock", {"x": "", "v": ""}, {"T": 100.0}, [Mode("m", lambda t, s, p: (s.v, -s.x))], [tick], {"x": 1.0, "v": 0.0})
-    lanes, events, points, backend = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+    system = System("clock", {"x": "", "v": ""}, {"T": 100.0}, [flow], [tick], {"x": 1.0, "v": 0.0})
     T = np.full(lanes, 100.0)
     T[lanes // 2] = 9.9999 / events
     runs = simulate_many(system, 10.0, T=T, points=points, backend=backend)
     assert runs.events.max() == len(runs[lanes // 2].events["tick"]) == events
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(peak / (2**20 if sys.platform == "darwin" else 2**10))
 """
 
 
@@ -422,7 +504,10 @@ def python(text, *arguments, **options):
     ("backend", "lanes", "points"), [("compiled", 2000, 100), ("plain", 300, 10)]
 )
 def test_memory_follows_the_samples(backend, lanes, points):
-    """One lane with 4,000 events costs its own 8,000 samples, not those of every lane: padded it would be 500 MiB."""
+    """One lane with 4,000 events costs its own 8,000 samples, not those of every lane.
+
+    Padded it would be 500 MiB.
+    """
     peaks = []
     for events in (1, 4000):
         made = python(PEAK, lanes, events, points, backend)
@@ -438,18 +523,26 @@ ENDLESS = """
     import _thread, sys, threading, time
     import numpy as np
     from labkit import Mode, System, simulate, simulate_many
-    system = System("spin", {"x": "", "v": ""}, {"w": 1.0}, [Mode("m", lambda t, s, p: (s.v, -p.w * s.x))], start={"x": 1.0, "v": 0.0})
-    w, few = np.linspace(900.0, 1000.0, 400), {"points": 2, "rtol": 1e-10, "max_steps": 100_000_000}
-    right = simulate_many(system, 1.0, w=w, backend="compiled", workers=4, **few).final["x"]
-    sent = []
-    threading.Thread(target=lambda: (time.sleep(2.0), sent.append(time.perf_counter()), SEND()), daemon=True).start()
+    flow = Mode("m", lambda t, s, p: (s.v, -p.w * s.x))
+    system = System("spin", {"x": "", "v": ""}, {"w": 1.0}, [flow], start={"x": 1.0, "v": 0.0})
+    w, few = np.linspace(900.0, 1000.0, 400), {"points": 2, "rtol": 1e-10, "max_steps": 10**8}
+    def short():
+        runs = simulate_many(system, 1.0, w=w, backend="compiled", workers=4, **few)
+        return runs.final["x"]
+    def send():
+        time.sleep(2.0)
+        sent.append(time.perf_counter())
+        SEND()
+    right, sent = short(), []
+    threading.Thread(target=send, daemon=True).start()
     try:
         START()
         print("it ended by itself")
     except KeyboardInterrupt:
         print("heard after", time.perf_counter() - sent[0])
+    time.sleep(0.1)
     assert threading.active_count() == 1, threading.enumerate()
-    assert np.array_equal(simulate_many(system, 1.0, w=w, backend="compiled", workers=4, **few).final["x"], right)
+    assert np.array_equal(short(), right)
     print("and goes on")
 """
 LONG = {
@@ -462,7 +555,10 @@ LONG = {
 @pytest.mark.parametrize("kind", LONG)
 @pytest.mark.parametrize("send", ["signal", "interrupt_main"])
 def test_an_interrupt_is_heard(kind, send):
-    """Minutes of work end a second after the interrupt (a wide limit: the machine may be busy); the engine goes on."""
+    """Minutes of work end a second after the interrupt (a wide limit: the machine may be busy).
+
+    The engine goes on.
+    """
     sending = (
         f"signal.raise_signal({int(signal.SIGINT)})"
         if send == "signal"

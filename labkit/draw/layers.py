@@ -1,4 +1,7 @@
-"""The layers of a phase portrait. Each keeps its artists and can `redo()` them for other parameters or limits."""
+"""The layers of a phase portrait.
+
+Each keeps its artists and can `redo()` them for other parameters or limits.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ __all__ = ["DirectionField", "Equilibria", "GuardLines", "Layer", "Nullclines", 
 
 
 class Layer(View):
-    """One layer over the plane of two states, alone or as a part of a portrait; legend() names what it shows."""
+    """One layer over the plane of two states, alone or as a part of a portrait.
+
+    Its legend() names what it shows.
+    """
 
     def __init__(self, axes: Axes, plane: Plane):
         self.axes, self.plane, self.figure = axes, plane, axes.get_figure()
@@ -65,7 +71,10 @@ class Layer(View):
 
 
 class DirectionField(Layer):
-    """Arrows of one length along (dx/dt, dy/dt), in the colour of the mode that holds there; none at rest or where no mode holds."""
+    """Arrows of one length along (dx/dt, dy/dt), in the colour of the mode that holds there.
+
+    None at rest or where no mode holds.
+    """
 
     def __init__(self, axes: Axes, plane: Plane, points: int = 15):
         super().__init__(axes, plane)
@@ -105,7 +114,8 @@ class DirectionField(Layer):
                 line.set_data([], [])
                 continue
             f, g = self.plane.flow(mode, x, y)
-            # Directions on paper: in units of the axes' height. Lengths there are alike, whatever the units of x and y are.
+            # Directions on paper: in units of the axes' height. Lengths there are alike, whatever
+            # the units of x and y are.
             a, b = f / (x1 - x0) * self.shape, g / (y1 - y0)
             speed = np.hypot(a, b)
             with np.errstate(all="ignore"):
@@ -126,7 +136,7 @@ class DirectionField(Layer):
 
 
 class Nullclines(Layer):
-    """The curves dx/dt = 0 (dotted) and dy/dt = 0 (dash-dotted), each in the region where its mode holds."""
+    """The curves dx/dt = 0 (dotted) and dy/dt = 0 (dash-dotted), where their mode holds."""
 
     def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
         super().__init__(axes, plane)
@@ -178,7 +188,10 @@ class Nullclines(Layer):
 
 
 class Equilibria(Layer):
-    """Equilibria with their type in words: stable full, unstable empty, centre grey, saddle a cross. `found` lists them."""
+    """Equilibria with their type in words.
+
+    Stable full, unstable empty, centre grey, saddle a cross. `found` lists them.
+    """
 
     def __init__(self, axes: Axes, plane: Plane, words: int = 8):
         super().__init__(axes, plane)
@@ -256,7 +269,7 @@ class Equilibria(Layer):
     def _free_corner(
         self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]
     ) -> tuple[int, int]:
-        """The corner of a mark where its words meet neither the edge of the picture nor words that are there; sizes are estimates."""
+        """The corner of a mark where its words meet neither edge nor others; estimated."""
         dpi = self.figure.dpi
         w, h = 0.075 * letters * dpi / self.axes.bbox.width, 0.36 * dpi / self.axes.bbox.height
         corners = [
@@ -276,7 +289,7 @@ class Equilibria(Layer):
 
 
 class GuardLines(Layer):
-    """Where the guards of the shown modes are zero: dashed, in the mode's colour, with the name of the transition.
+    """Where the guards of the shown modes are zero: dashed, in the mode's colour, named.
 
     Guards that change with time have no fixed line; `omitted` names them.
     """
@@ -349,7 +362,10 @@ class GuardLines(Layer):
     def _name(
         self, text: Any, name: str, curves: Sequence[np.ndarray], taken: list[tuple[float, float]]
     ) -> None:
-        """Puts the name beside the longest line: at the top of a steep one, at the right end of a flat one, clear of names that are there."""
+        """Puts the name beside the longest line.
+
+        At the top of a steep one, at the right end of a flat one, clear of names that are there.
+        """
         text.set_visible(bool(curves))
         if not curves:
             return
@@ -396,7 +412,7 @@ def _alike(some: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> bool:
 
 
 class Trajectories(Layer):
-    """Trajectories in the colours of their modes, with dashed jumps, dots at the starts and arrows along the way."""
+    """Trajectories in the colours of their modes: jumps dashed, dots at the starts, arrows."""
 
     def __init__(
         self, axes: Axes, plane: Plane, runs: Run | Runs, bold: bool = False, arrows: bool = True
@@ -424,9 +440,8 @@ class Trajectories(Layer):
             DASHES[k % len(DASHES)] if bold else "-" for k in range(len(colors))
         ]  # the colours of modes are alike in grey print
         look = {"linewidth": width, "alpha": 1.0 if bold else 0.85, "zorder": z}
-        if isinstance(
-            runs, Runs
-        ):  # strokes of their own: one that crosses itself a thousand times would take far longer to paint
+        # Strokes of their own: one that crosses itself a thousand times takes far longer to paint
+        if isinstance(runs, Runs):
             made: list[Any] = [
                 LineCollection([], colors=[color], capstyle="round", joinstyle="round", **look)
                 for color in colors.values()
@@ -499,7 +514,7 @@ class Trajectories(Layer):
             line.set_data(*_strung(curves))
 
     def _put_arrows(self, X: np.ndarray, Y: np.ndarray, modes: np.ndarray) -> None:
-        """Arrow heads at set distances along each trajectory, as measured on paper, where it is inside the picture."""
+        """Arrow heads at set distances along each trajectory, as on paper, inside the picture."""
         (x0, x1), (y0, y1) = self.limits
         shape, size = self.shape, self.size
         x, y = (X - x0) / (x1 - x0) * shape, (Y - y0) / (y1 - y0)
@@ -549,7 +564,10 @@ def _strung(curves: Sequence[np.ndarray]) -> np.ndarray:
 def stage(
     plane: Plane, axes: Axes | None, limits: Limits | None, width: float = 7.5, height: float = 5.2
 ) -> Axes:
-    """Axes for a portrait: labelled, with the limits; `limits` may be left out for axes that have theirs already."""
+    """Axes for a portrait: labelled, with the limits.
+
+    `limits` may be left out for axes that have theirs already.
+    """
     for pair in limits or ():
         if len(pair) != 2 or not (np.all(np.isfinite(pair)) and pair[0] < pair[1]):
             raise ModelError(

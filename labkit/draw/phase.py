@@ -1,8 +1,10 @@
 """Phase portraits, and each of their layers alone.
 
 phase_portrait(system, "x", "v", starts=40, horizon=10.0)
-view = phase_portrait(system, "x", "v", run=run, limits=((-3, 3), (-2, 2)), mu=1.5); view.update(other_run)
-axes = direction_field(system, "x", "v", limits=((-3, 3), (-2, 2))).axes; nullclines(system, "x", "v", axes=axes)
+view = phase_portrait(system, "x", "v", run=run, limits=((-3, 3), (-2, 2)), mu=1.5)
+view.update(other_run)
+axes = direction_field(system, "x", "v", limits=((-3, 3), (-2, 2))).axes
+nullclines(system, "x", "v", axes=axes)
 """
 
 from __future__ import annotations
@@ -56,7 +58,10 @@ def direction_field(
     points: int = 15,
     **parameters: float,
 ) -> DirectionField:
-    """direction_field(system, "x", "v", limits=((-2, 2), (-3, 3))) -> layer: arrows of one length along the flow at time t, `points` rows of them."""
+    """direction_field(system, "x", "v", limits=((-2, 2), (-3, 3))) -> layer.
+
+    Arrows of one length along the flow at time t, `points` rows of them.
+    """
     return layer(DirectionField, system, x, y, axes, limits, mode, t, at, parameters, points=points)
 
 
@@ -72,7 +77,10 @@ def nullclines(
     points: int = GRID,
     **parameters: float,
 ) -> Nullclines:
-    """nullclines(system, "x", "v", limits=…) -> layer: dx/dt = 0 dotted, dv/dt = 0 dash-dotted, from a points × points grid."""
+    """nullclines(system, "x", "v", limits=…) -> layer.
+
+    Where dx/dt = 0 dotted, dv/dt = 0 dash-dotted, from a points × points grid.
+    """
     return layer(Nullclines, system, x, y, axes, limits, mode, t, None, parameters, points=points)
 
 
@@ -87,7 +95,10 @@ def equilibria(
     t: float = 0.0,
     **parameters: float,
 ) -> Equilibria:
-    """equilibria(system, "x", "v", limits=…).found -> [(x, v, mode, "saddle"), …], drawn with their type in words; see find_equilibria."""
+    """equilibria(system, "x", "v", limits=…).found -> [(x, v, mode, "saddle"), …].
+
+    Drawn with their type in words; see find_equilibria.
+    """
     return layer(Equilibria, system, x, y, axes, limits, mode, t, None, parameters)
 
 
@@ -104,7 +115,10 @@ def guard_lines(
     points: int = GRID,
     **parameters: float,
 ) -> GuardLines:
-    """guard_lines(system, "x", "v", limits=…) -> layer: where the guards of the modes are zero, dashed and named."""
+    """guard_lines(system, "x", "v", limits=…) -> layer.
+
+    Where the guards of the modes are zero, dashed and named.
+    """
     return layer(GuardLines, system, x, y, axes, limits, mode, t, at, parameters, points=points)
 
 
@@ -117,7 +131,10 @@ def trajectories(
     limits: Limits | None = None,
     bold: bool = False,
 ) -> Trajectories:
-    """trajectories(runs, "x", "v") -> layer: a Run or the Runs of simulate_many, coloured by mode, jumps dashed, starts marked."""
+    """trajectories(runs, "x", "v") -> layer.
+
+    A Run or the Runs of simulate_many, coloured by mode, jumps dashed, starts marked.
+    """
     plane = Plane(runs.system, x, y)
     if axes is None and limits is None:
         limits = _around([runs], plane)
@@ -146,17 +163,24 @@ def phase_portrait(
     height: float = 5.0,
     **parameters: float,
 ) -> PhasePortrait:
-    """phase_portrait(system, "x", "v", starts=40, horizon=10.0) -> PhasePortrait in the plane of two states (default: the first two).
+    """phase_portrait(system, "x", "v", starts=40, horizon=10.0) -> PhasePortrait.
+
+    In the plane of two states (default: the first two).
 
     system      a System, or a Run: phase_portrait(run) is phase_portrait(run.system, run=run)
-    starts      how many trajectories (spread over the picture; 0: none), or {"x": array, "v": array}, or an array (n, 2);
+    starts      how many trajectories (spread over the picture; 0: none), or
+                {"x": array, "v": array}, or an array (n, 2);
                 left out: 24, but none when there is a run
-    run         one Run, drawn bold; its end time is the default horizon, its parameters are the default ones
-    limits      ((x low, x high), (y low, y high)); left out: from the run or the starts, and then update() may widen them
-    mode, t, at what the field shows, see Plane: the mode (default: the one that holds at each point), the instant, the other states
-    parameters  of the system; options of simulate_many (method=, rtol=, points=, …) may stand among them
-    Nullclines and equilibria are left out, and view.notes says so, when the flow depends on time or on further states.
-    Raises ModelError for unknown names, or when no horizon is known.
+    run         one Run, drawn bold; its end time is the default horizon, its parameters are the
+                default ones
+    limits      ((x low, x high), (y low, y high)); left out: from the run or the starts, and then
+                update() may widen them
+    mode, t, at what the field shows, see Plane: the mode (default: the one that holds at each
+                point), the instant, the other states and held variables
+    parameters  of the system; options of simulate_many (method=, rtol=, points=, …) may stand among
+                them
+    Nullclines and equilibria are left out, and view.notes says so, when the flow depends on time or
+    on further states. Raises ModelError for unknown names, or when no horizon is known.
     """
     if isinstance(system, Run):
         system, run = system.system, system if run is None else run
@@ -182,7 +206,10 @@ def phase_portrait(
 
 
 class PhasePortrait(View):
-    """The picture made by `phase_portrait`: view.layers, view.axes, view.notes, view.equilibria; see View for the rest."""
+    """The picture made by `phase_portrait`: view.layers, view.axes, view.notes, view.equilibria.
+
+    See View for the rest.
+    """
 
     def __init__(
         self,
@@ -211,6 +238,8 @@ class PhasePortrait(View):
         self.system = system
         p = run.p if run is not None and not changed else system.values(changed)
         self.plane = plane = Plane(system, x, y, mode=mode, t=t, at=at, p=p)
+        if run is not None:
+            plane.hold(run.start)
         many = self._many(starts)
         self.horizon = (
             horizon
@@ -260,7 +289,8 @@ class PhasePortrait(View):
         if isinstance(starts, Mapping):
             if missing := [name for name in (self.plane.x, self.plane.y) if name not in starts]:
                 raise ModelError(
-                    f"starts gives no values for {listed(missing)}; for example starts={{'{self.plane.x}': [0, 1], '{self.plane.y}': [0, 0]}}"
+                    f"starts gives no values for {listed(missing)}; for example "
+                    f"starts={{'{self.plane.x}': [0, 1], '{self.plane.y}': [0, 0]}}"
                 )
             table = dict(
                 zip(
@@ -278,13 +308,14 @@ class PhasePortrait(View):
             points = np.atleast_2d(np.asarray(starts, dtype=float))
             if points.ndim != 2 or points.shape[1] != 2:
                 raise ModelError(
-                    f"starts must be a number, a mapping of arrays or an array of shape (n, 2), not of shape {points.shape}"
+                    "starts must be a number, a mapping of arrays or an array of shape (n, 2), "
+                    f"not of shape {points.shape}"
                 )
             table = {self.plane.x: points[:, 0], self.plane.y: points[:, 1]}
         return table
 
     def _spread(self, count: int, limits: Limits) -> dict[str, np.ndarray] | None:
-        """Two thirds of the starts along the edge of the picture, one third along a rectangle half as large."""
+        """Two thirds of the starts along the edge of the picture, one third half as far out."""
         outer = count - count // 3
         along = (
             np.concatenate(
@@ -318,7 +349,7 @@ class PhasePortrait(View):
             self.system,
             self.plane.t + self.horizon,
             t0=self.plane.t,
-            start=self.starts,
+            start={**{name: self.plane.values[name] for name in self.system.held}, **self.starts},
             **options,
             **self.plane.p._asdict(),
         )
@@ -352,6 +383,9 @@ class PhasePortrait(View):
                     )
                 )
             )
+        if self.system.held and shown:
+            held = " and ".join(self.system.held)
+            self.notes.append(f"{' and '.join(shown)} for {held} as at the start")
         if plane.chosen is not None and len(self.system.modes) > 1 and shown:
             self.notes.append(f"{' and '.join(shown)} of mode “{plane.chosen}”")
         layers: list[Layer] = []
@@ -410,16 +444,18 @@ class PhasePortrait(View):
         ]
 
     def _limits(self) -> Limits:
-        return tuple(map(float, self.axes.get_xlim())), tuple(map(float, self.axes.get_ylim()))  # type: ignore[return-value]
+        x, y = self.axes.get_xlim(), self.axes.get_ylim()
+        return (float(x[0]), float(x[1])), (float(y[0]), float(y[1]))
 
     def _state(self) -> tuple:
-        return self.plane.p, self._limits()
+        return self.plane.key, self._limits()
 
     def update(self, run: Run | Runs | Sequence[Run | Runs]) -> None:
-        """view.update(run): another run (bold) and its parameters: the trajectories are simulated anew when parameters changed.
+        """view.update(run): another run (bold) and its parameters.
 
-        view.update([run, runs]) brings the trajectories along. Field, nullclines, equilibria and guard lines follow the
-        parameters and, after a zoom, the limits.
+        The trajectories are simulated anew when parameters or held variables changed.
+        view.update([run, runs]) brings the trajectories along. Field, nullclines, equilibria and
+        guard lines follow the parameters and, after a zoom, the limits.
         """
         given = [run] if isinstance(run, Run | Runs) else list(run)
         one = next((r for r in given if isinstance(r, Run)), None)
@@ -431,10 +467,13 @@ class PhasePortrait(View):
             self.system.units
         ):
             raise ModelError(
-                f"this picture was made for {self.system.name!r}, update got a run of {first.system.name!r}"
+                f"this picture was made for {self.system.name!r}, update got a run of "
+                f"{first.system.name!r}"
             )
-        changed = tuple(p := one.p if one is not None else many.p[0]) != tuple(self.plane.p)
-        self.plane.p = p
+        before, now = self.plane.key, one if one is not None else many[0]
+        self.plane.p = now.p
+        self.plane.hold(now.start)
+        changed = self.plane.key != before
         bold = [
             part
             for part in self.layers
@@ -467,4 +506,5 @@ class PhasePortrait(View):
 def _around(runs: Sequence[Run | Runs], plane: Plane) -> Limits:
     """Limits with a margin of 8 % around all points of the runs."""
     pairs = [_proper(*extent(*(r[name] for r in runs))) for name in (plane.x, plane.y)]
-    return tuple((low - 0.08 * (high - low), high + 0.08 * (high - low)) for low, high in pairs)  # type: ignore[return-value]
+    x, y = ((low - 0.08 * (high - low), high + 0.08 * (high - low)) for low, high in pairs)
+    return x, y

@@ -1,4 +1,7 @@
-"""The mathematics behind a phase portrait: flows, guards and modes over the plane of two states. Nothing is drawn here."""
+"""The mathematics behind a phase portrait: flows, guards and modes over the plane of two states.
+
+Nothing is drawn here.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,13 @@ GRID = 49  # points along each side for nullclines, guard lines and the search f
 
 
 class Plane:
-    """Plane(system, "x", "v"): evaluates flows and guards at points of the (x, v) plane, arrays of any shape.
+    """Plane(system, "x", "v"): flows and guards at points of the (x, v) plane, arrays of any shape.
 
-    mode   the mode whose flow counts; left out: at each point the one that system.mode chooses there when it is a function, else the start mode
+    mode   the mode whose flow counts; left out: at each point the one that system.mode chooses
+           there when it is a function, else the start mode
     t      the instant, for flows that depend on it
-    at     values of all further states of a larger system (default: system.start)
+    at     values of all further states of a larger system, and of held variables, which are
+           parameters of the picture (default: system.start)
     Raises ModelError for unknown names and when no mode has both states.
     """
 
@@ -57,7 +62,8 @@ class Plane:
         able = [key for key in system.modes if {self.x, self.y} <= set(system.states_of(key))]
         if mode is not None and mode not in able:
             raise ModelError(
-                f"mode {mode!r} has no plane ({self.x}, {self.y}); modes with both states: {listed(able)}"
+                f"mode {mode!r} has no plane ({self.x}, {self.y}); modes with both states: "
+                f"{listed(able)}"
             )
         if not able:
             raise ModelError(
@@ -73,25 +79,37 @@ class Plane:
         #: modes whose flow is shown somewhere
         self.modes = able if self.chosen is None else [self.chosen]
         self.values = {**system.start, **(at or {})}
+        self._followed = [name for name in system.held if name not in (at or {})]
         self.p = system.values() if p is None else p
         self._templates: dict[str, tuple[list, int, int]] = {}
         self._kept: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._wide: dict[Callable, Callable] = {}
         self._tried: Counter[Callable] = Counter()  # how often it gave the same as one by one
 
+    def hold(self, values: Mapping[str, float]) -> None:
+        """plane.hold(run.start): held variables at the values of another run, but those of `at`."""
+        self.values |= {name: values[name] for name in self._followed}
+        self._templates.clear()
+
+    @property
+    def key(self) -> tuple:
+        """What a picture of this plane depends on beside its limits: parameters, held variables."""
+        return tuple(self.p), tuple(self.values[name] for name in self.system.held)
+
     def is_plane(self, mode: str) -> bool:
-        """True when the mode has no states beside the two, so that its equilibria and nullclines lie in the plane."""
+        """True when the mode has no states beside the two: its equilibria lie in the plane."""
         return set(self.system.states_of(mode)) == {self.x, self.y}
 
     def _template(self, mode: str) -> tuple[list, int, int]:
         """The mode's states at their values beside the plane, and where x and y belong."""
         if mode not in self._templates:
-            names = self.system.states_of(mode)
+            names = self.system.S[mode]._fields
             if missing := [
                 name for name in names if name not in self.values and name not in (self.x, self.y)
             ]:
                 raise ModelError(
-                    f"the portrait needs a value of {listed(missing)}: give at={{{missing[0]!r}: …}}"
+                    f"the portrait needs a value of {listed(missing)}: give at={{{missing[0]!r}: "
+                    f"…}}"
                 )
             self._templates[mode] = (
                 [self.values.get(name) for name in names],
@@ -115,8 +133,11 @@ class Plane:
         width: int,
         t: float | None = None,
     ) -> np.ndarray:
-        """function(t, s, p) at all points -> (width, points). All points at once where the function can (and then gives the
-        same as one by one, which is tried at some of them), else one by one: model functions may branch or use math.sin."""
+        """function(t, s, p) at all points -> (width, points).
+
+        All points at once where the function can (and then gives the
+        same as one by one, which is tried at some of them), else one by one: model functions may
+        branch or use math.sin."""
         x, y, t = np.ravel(X).astype(float), np.ravel(Y).astype(float), self.t if t is None else t
         state, p = self._state, self.p
         if function not in self._wide:
@@ -124,7 +145,7 @@ class Plane:
 
         def one(i: int) -> tuple:
             try:
-                value = function(t, state(mode, float(x[i]), float(y[i])), p)  # type: ignore[arg-type]
+                value = function(t, state(mode, float(x[i]), float(y[i])), p)
             except (ZeroDivisionError, OverflowError, ValueError) as error:
                 if isinstance(error, ModelError):
                     raise
@@ -161,7 +182,10 @@ class Plane:
     def flow(
         self, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """plane.flow("slip", X, Y) -> dx/dt, dy/dt, of the shape of X; NaN where the flow has no value."""
+        """plane.flow("slip", X, Y) -> dx/dt, dy/dt, of the shape of X.
+
+        NaN where the flow has no value.
+        """
         names = self.system.states_of(mode)
         rates = self._evaluate(self.system.modes[mode].flow, mode, X, Y, len(names), t)
         return rates[names.index(self.x)].reshape(np.shape(X)), rates[names.index(self.y)].reshape(
@@ -170,7 +194,7 @@ class Plane:
 
     def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """As flow, on a grid of count × count points; kept for the layers that ask again."""
-        key = (mode, limits, count, tuple(self.p), self.t)
+        key = (mode, limits, count, self.key, self.t)
         if key not in self._kept:
             if len(self._kept) > 12:
                 self._kept.clear()
@@ -189,8 +213,9 @@ class Plane:
         return self._evaluate(transition.guard, mode, X, Y, 1, t)[0].reshape(np.shape(X))
 
     def governing(self, X: np.ndarray, Y: np.ndarray) -> np.ndarray:
-        """plane.governing(X, Y) -> position in plane.modes of the mode that holds at each point, −1 where none of them does.
+        """plane.governing(X, Y) -> place in plane.modes of the mode that holds at each point.
 
+        −1 where none of them does.
         A mode does not hold beyond a directed guard of its own: `simulate` refuses to start there.
         """
         x, y = np.ravel(X).astype(float), np.ravel(Y).astype(float)
@@ -222,7 +247,10 @@ class Plane:
         return found.reshape(np.shape(X))
 
     def depends_on_time(self, limits: Limits, horizon: float = 10.0) -> bool:
-        """True when a flow shown takes other values at other instants: then nullclines and equilibria mean nothing."""
+        """True when a flow shown takes other values at other instants.
+
+        Then nullclines and equilibria mean nothing.
+        """
         X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
         for mode in self.modes:
             first = np.array(self.flow(mode, X, Y))
@@ -249,7 +277,7 @@ class Plane:
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    """np.allclose(a, b, rtol=1e-12, atol=0, equal_nan=True), which takes longer than all the rest for a few numbers."""
+    """np.allclose(a, b, rtol=1e-12, atol=0, equal_nan=True), which is slow for a few numbers."""
     with np.errstate(invalid="ignore"):
         return bool(((a == b) | (np.abs(a - b) <= 1e-12 * np.abs(b)) | ((a != a) & (b != b))).all())
 
@@ -260,9 +288,11 @@ _NUMPY = {
 
 
 def over_arrays(function: Callable) -> Callable:
-    """over_arrays(f) -> f with NumPy's functions in the place of those of `math`, in its helpers too: a hundred times as fast over a grid.
+    """over_arrays(f) -> f with NumPy's functions in the place of those of `math`.
 
-    Whether it gives the same as f itself is for the caller to try: a branch, for one, does not work on arrays.
+    In its helpers too: a hundred times as fast over a grid.
+    Whether it gives the same as f itself is for the caller to try: a branch, for one, does not work
+    on arrays.
     """
     copies: dict = {}
 
@@ -273,7 +303,7 @@ def over_arrays(function: Callable) -> Callable:
             return _NUMPY.get(value.__name__, value)
         return rebound(value, swap, copies) if isinstance(value, FunctionType) else value
 
-    return swap(function, "")  # type: ignore[return-value]
+    return swap(function, "")
 
 
 def grid(limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -287,12 +317,14 @@ def contour(
     values: np.ndarray | None = None,
     keep: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
 ) -> list[np.ndarray]:
-    """contour(f, limits) -> the curves f(x, y) = 0 as polylines, each an array (k, 2); keep(x, y) drops points outside a region.
+    """contour(f, limits) -> the curves f(x, y) = 0 as polylines, each an array (k, 2).
 
+    keep(x, y) drops points outside a region.
     `values` are f on the count × count grid where they are known already.
 
-    A function that *jumps* through zero (a relay) is no zero: there the function itself, evaluated on the curve, is not
-    smaller than at the nodes around, and such points are dropped. An identically vanishing function has no curves.
+    A function that *jumps* through zero (a relay) is no zero: there the function itself, evaluated
+    on the curve, is not smaller than at the nodes around, and such points are dropped. An
+    identically vanishing function has no curves.
     """
     X, Y = grid(limits, count)
     Z = function(X, Y) if values is None else values
@@ -330,11 +362,13 @@ def contour(
 def find_equilibria(
     plane: Plane, limits: Limits, tolerance: float = 1e-7
 ) -> list[tuple[float, float, str, str]]:
-    """find_equilibria(plane, limits) -> [(x, y, mode, type in words), …] inside the limits, sorted; of plane modes only.
+    """find_equilibria(plane, limits) -> [(x, y, mode, type in words), …] of plane modes, sorted.
 
-    Newton's method from a 3 × 3 grid and from every cell where both rates change sign, all at once; a root counts when
-    both rates are below 1e-9 of their largest in the picture, it lies inside and its mode holds there; roots closer than 1e-4 of the picture
-    are one, and the points of a whole line of them are none. The Jacobian comes from five-point differences (error about 1e-12 of the rates), `tolerance` goes to `classify`.
+    Newton's method from a 3 × 3 grid and from every cell where both rates change sign, all at once;
+    a root counts when both rates are below 1e-9 of their largest in the picture, it lies inside and
+    its mode holds there; roots closer than 1e-4 of the picture are one, and the points of a whole
+    line of them are none. The Jacobian comes from five-point differences (error about 1e-12 of the
+    rates), `tolerance` goes to `classify`.
     """
     (x0, x1), (y0, y1) = limits
     size = np.array([x1 - x0, y1 - y0])
@@ -396,7 +430,10 @@ def find_equilibria(
 def _jacobian(
     f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, h: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """f: (…, 2) -> (…, 2) at u (n, 2), and its Jacobian (n, 2, 2) by five-point differences; all in one call of f."""
+    """f: (…, 2) -> (…, 2) at u (n, 2), and its Jacobian (n, 2, 2) by five-point differences.
+
+    All in one call of f.
+    """
     values = f(
         u[:, None, None] + h * np.arange(-2, 3)[:, None] * np.eye(2)[:, None]
     )  # (n, axis, 5, 2)
@@ -404,10 +441,12 @@ def _jacobian(
 
 
 def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 40) -> np.ndarray:
-    """Newton's method from all of u (n, 2) at once, at most a quarter of the picture at a time; NaN for one that does not converge.
+    """Newton's method from all of u (n, 2) at once; NaN for one that does not converge.
 
-    Steps are those of least squares, so that a singular Jacobian (a double root, a line of roots) does no harm;
-    where each is half of the one before, a double root is near, and twice the step lands on it.
+    At most a quarter of the picture at a time.
+    Steps are those of least squares, so that a singular Jacobian (a double root, a line of roots)
+    does no harm; where each is half of the one before, a double root is near, and twice the step
+    lands on it.
     """
     before = np.full((len(u), 1), np.nan)
     for _ in range(steps):

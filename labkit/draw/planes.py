@@ -1,4 +1,4 @@
-"""What a similarity transformation does to a linear system: the canonical z-plane and the s-plane side by side.
+"""What a similarity transformation does to a linear system: z-plane and s-plane side by side.
 
     planes(run, parts)         # parts(p) -> Λ, (S, S⁻¹) for the parameters of a run
     explore(system, horizon, lambda run: planes(run, parts))
@@ -53,18 +53,23 @@ def planes(
     width: float = 9.5,
     height: float = 4.9,
 ) -> Planes:
-    """planes(run, parts) -> Planes: trajectories, lattice, a letter F and the eigenvectors in z, and their images under S in s.
+    """planes(run, parts) -> Planes: the canonical z-plane, and its image under S in the s-plane.
 
+    Trajectories, a lattice, a letter F and the eigenvectors.
     run     of a linear model; drawn bold in both planes
     parts   parts(run.p) -> Λ, (S, S⁻¹) with A = S Λ S⁻¹
-    reach   half the width of the pictures, in both planes or (z, s); the s-plane follows the equilibrium
+    reach   half the width of the pictures, in both planes or (z, s); the s-plane follows the
+            equilibrium
     Raises ModelError when S Λ S⁻¹ is not the matrix that the model itself has.
     """
     return Planes(run, parts, reach, axes, width, height)
 
 
 class Planes(View):
-    """The picture made by `planes`; view.axes are the two. See View for update, artists and relimited."""
+    """The picture made by `planes`; view.axes are the two.
+
+    See View for update, artists and relimited.
+    """
 
     def __init__(
         self,
@@ -102,14 +107,15 @@ class Planes(View):
         self.update(run)
 
     def update(self, run: Run) -> None:
-        A, b = affine(run.system, run.p)
+        A, b = affine(run.system, run.p, run.start)
         Lambda, (S, inverse) = self.parts(run.p)
         if (
             np.abs(S @ Lambda @ inverse - A).max()
             > 1e-9 * max(1.0, float(np.abs(A).max())) * max(1.0, float(np.abs(S).max())) ** 2
         ):
             raise ModelError(
-                f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of {run.system.name!r}, {A.round(6).tolist()}: check the parts"
+                f"S Λ S⁻¹ = {(S @ Lambda @ inverse).round(6).tolist()} is not the matrix of "
+                f"{run.system.name!r}, {A.round(6).tolist()}: check the parts"
             )
         rest = equilibrium(A, b)
         curves, arrows = flow_lines(np.asarray(Lambda, dtype=float), self.reach[0])
@@ -225,9 +231,11 @@ def _lattice(space: float) -> np.ndarray:
 
 
 def flow_lines(A: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """lines, points = flow_lines(A, 4.0): the portrait of dy/dt = A y for a picture from −reach to reach, any A, also a singular one.
+    """lines, points = flow_lines(A, 4.0): the portrait of dy/dt = A y from −reach to reach.
 
-    lines   (n, 2), exact trajectories, forwards and backwards from points on a circle (of a centre: on a ray), NaN between
+    Any A, also a singular one.
+    lines   (n, 2), exact trajectories, forwards and backwards from points on a circle (of a centre:
+            on a ray), NaN between
     points  (k, 2), where arrows should stand; the direction there is A y
     """
     a, square = np.trace(A) / 2, (A[0, 0] - A[1, 1]) ** 2 / 4 + A[0, 1] * A[1, 0]
@@ -267,7 +275,10 @@ def flow_lines(A: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arrow_heads(at: np.ndarray, way: np.ndarray, size: float) -> np.ndarray:
-    """arrow_heads(points, points @ A.T, 0.2) -> (4 k, 2): heads at the points along `way`, as open strokes with NaN between; none where nothing moves."""
+    """arrow_heads(points, points @ A.T, 0.2) -> (4 k, 2).
+
+    Heads at the points along `way`, as open strokes with NaN between; none where nothing moves.
+    """
     length = np.hypot(*way.T)[:, None]
     way = size * way / np.where(length > 0, length, np.nan)
     side = 0.5 * way[:, ::-1] * (-1, 1)

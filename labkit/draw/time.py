@@ -41,7 +41,8 @@ from .view import Shows, View, Window, extent
 __all__ = ["TimePlot", "time_plot"]
 
 Data = Run | Runs | Sequence[Run | Runs] | Mapping[str, Run | Runs]
-FEW = 60  # up to so many events have a line over the whole height, and modes a tinted background; more become a strip
+# Up to so many events have a line over the whole height, modes a tinted background; more: a strip
+FEW = 60
 
 
 def time_plot(
@@ -55,19 +56,26 @@ def time_plot(
     width: float = 9.0,
     height: float | None = None,
 ) -> TimePlot:
-    """time_plot(run, "x", ("V", "F")) -> TimePlot: one panel for each name, a tuple of names shares one. No name: every state.
+    """time_plot(run, "x", ("V", "F")) -> TimePlot: a panel for each name, a tuple shares one.
 
-    run      a Run, the Runs of simulate_many, a list of them, or label -> run; several are overlaid, a colour each
+    No name: every state and held variable.
+    run      a Run, the Runs of simulate_many, a list of them, or label -> run; several are
+             overlaid, a colour each
     axes     draw into these axes (as many as panels) instead of a new figure
-    events   thin lines at the events of a single run (ticks at the top when there are many); jumps of a curve are dashed
+    events   thin lines at the events of a single run (ticks at the top when there are many); jumps
+             of a curve are dashed
     modes    background coloured by mode, for a single run of a system with several modes
-    Curves pause where the mode does not have the state. Raises ModelError for an unknown name or runs of different systems.
+    Curves pause where the mode does not have the state. Raises ModelError for an unknown name or
+    runs of different systems.
     """
     return TimePlot(run, names, axes, title, events, modes, legend, width, height)
 
 
 class TimePlot(View):
-    """The picture made by `time_plot`; view.axes are its panels. See View for update, artists and relimited."""
+    """The picture made by `time_plot`; view.axes are its panels.
+
+    See View for update, artists and relimited.
+    """
 
     def __init__(
         self,
@@ -90,7 +98,8 @@ class TimePlot(View):
         for name in (name for group in self.groups for name in group):
             if name not in self.system.units and name not in self.system.outputs:
                 raise ModelError(
-                    f"{name!r} is neither a state nor an output of {self.system.name!r}; there are {listed([*self.system.units, *self.system.outputs])}"
+                    f"{name!r} is neither a state nor an output of {self.system.name!r}; there "
+                    f"are {listed([*self.system.units, *self.system.outputs])}"
                 )
         self.figure, self.axes = _panels(axes, len(self.groups), width, height)
         self.shows = [
@@ -188,7 +197,10 @@ class TimePlot(View):
                     ax.set_xlabel(label(self.system, "t"))
 
     def update(self, run: Data) -> None:
-        """view.update(run): shows another run (as many runs as at first) of the same system. Raises ModelError otherwise."""
+        """view.update(run): shows another run (as many runs as at first) of the same system.
+
+        Raises ModelError otherwise.
+        """
         _, runs = _listed(run)
         if len(runs) != len(self._curves[0]):
             raise ModelError(
@@ -198,7 +210,8 @@ class TimePlot(View):
             runs[0].system.modes
         ) != list(self.system.modes):
             raise ModelError(
-                f"this picture was made for {self.system.name!r}, update got a run of {runs[0].system.name!r}"
+                f"this picture was made for {self.system.name!r}, update got a run of "
+                f"{runs[0].system.name!r}"
             )
         span, *ranges = self._set_data(runs)
         moved = [window.fit(*span) for window in self._x] + [
@@ -218,7 +231,8 @@ def _listed(run: Data) -> tuple[list[str], list[Run | Runs]]:
     for one in runs:
         if not isinstance(one, Run | Runs):
             raise ModelError(
-                f"a picture takes runs (from simulate or simulate_many), not {type(one).__name__} {one!r:.60}"
+                f"a picture takes runs (from simulate or simulate_many), not {type(one).__name__} "
+                f"{one!r:.60}"
             )
     if not runs:
         raise ModelError("there is no run to draw: the list is empty")
@@ -244,7 +258,10 @@ def _panels(
 
 
 def _look(i: int, k: int, runs: int, names: int) -> tuple[str, object]:
-    """Colour and dash of curve k of run i: one run, a colour for each name; several runs, a colour for each run, a dash for each name."""
+    """Colour and dash of curve k of run i: one run, a colour for each name.
+
+    Several runs, a colour for each run, a dash for each name.
+    """
     if runs == 1:
         return COLORS[k % len(COLORS)], DASHES[k] if names <= len(DASHES) else "-"
     return COLORS[i % len(COLORS)], DASHES[k % len(DASHES)] if names > 1 else DASHES[
@@ -253,7 +270,7 @@ def _look(i: int, k: int, runs: int, names: int) -> tuple[str, object]:
 
 
 def _sample(line: Line2D, **changed: object) -> Line2D:
-    """A legend's own copy of a line, since the line itself is drawn by the panel at its own time."""
+    """A legend's own copy of a line: the line itself is drawn by the panel at its own time."""
     copy = Line2D([], [])
     copy.update_from(line)
     copy.set(**changed)
@@ -299,7 +316,7 @@ class _Curve:
 
 
 def _jumps(t: np.ndarray, *values: np.ndarray) -> np.ndarray:
-    """Positions i where sample i and i + 1 stand at one instant and a value differs visibly (1e-6 of its range)."""
+    """Positions i where samples i, i + 1 share an instant and a value differs visibly (1e-6)."""
     here = np.flatnonzero(t[1:] == t[:-1])
     if not len(here):
         return here
@@ -317,12 +334,18 @@ def _broken(t: np.ndarray, y: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _segments(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a, b -> a0, b0, NaN, a1, b1, NaN, …: many separate strokes in one line, which draws far faster than many lines."""
+    """a, b -> a0, b0, NaN, a1, b1, NaN, ….
+
+    Many separate strokes in one line, which draws far faster than many lines.
+    """
     return np.column_stack([a, b, np.full(len(a), np.nan)]).ravel()
 
 
 class _Events:
-    """The instants of the events: faint lines over the whole height; when they are many, ticks at the top."""
+    """The instants of the events: faint lines over the whole height.
+
+    When they are many, ticks at the top.
+    """
 
     def __init__(self, ax: Axes):
         self.line = Line2D(
@@ -344,7 +367,10 @@ class _Events:
 
 
 class _Modes:
-    """The background in the colour of the mode; when modes change very often, a strip at the bottom. One artist a mode."""
+    """The background in the colour of the mode.
+
+    When modes change very often, a strip at the bottom. One artist a mode.
+    """
 
     def __init__(self, ax: Axes, system: System):
         self.colors = mode_colors(system)
@@ -359,7 +385,7 @@ class _Modes:
 
     def set(self, run: Run) -> None:
         ends = np.flatnonzero(np.diff(run.mode_index)) + 1
-        first, last = np.append(0, ends), np.append(ends, len(run.t)) - 1
+        first = np.append(0, ends)
         left, right = run.t[first], np.append(run.t[first[1:]], run.t[-1])
         index = run.mode_index[first]
         few = len(index) <= FEW

@@ -96,7 +96,7 @@ def simulate(
     ended, stopped = batch.endings[0]
     if ended is Ended.REFUSED:
         raise ModelError(stopped)
-    out = samples(st, batch.out.copy())
+    out = samples(batch.out.copy())
     ledger = batch.ledger()
     run = Run(
         system,
@@ -282,14 +282,13 @@ def _gather(
     if refused:
         starts = np.zeros((lanes - before, out.shape[1]))
         starts[:, 0], starts[:, 1] = st.options.t0, modes[~able]
-        starts[:, 3 : -st.length] = [-1, 0][: out.shape[1] - st.length - 3]  # nothing slides
-        starts[:, -st.length :] = states[~able]
+        starts[:, 3], starts[:, 5:] = -1, states[~able]
         out = np.insert(out, (ends - counts)[~able] - np.arange(len(starts)), starts, axis=0)
     backend = "plain" if batches[0].code is None else "compiled"
     return Runs(
         st.system,
         p,
-        samples(st, out),
+        samples(out),
         ends,
         [
             (Ended.REFUSED, str(refused[lane])) if lane in refused else next(endings)

@@ -1,7 +1,7 @@
 """A batch of runs of one model: their memory, what they begin with, and what becomes of them.
 
 batch = Batch(settings, code, lanes); batch.load(p, start, modes, clocks); batch.run()
-batch.samples(), batch.endings, batch.events, …     the results, copied out of the memory
+samples(batch.out), batch.endings, batch.ledger(), …     the results
 """
 
 from __future__ import annotations
@@ -130,14 +130,14 @@ class Batch:
                 Touch(float(t), st.system.transitions[int(who)].name, float(by))
                 for t, who, by in w.touch[:count]
             ]
-        if notes := self._notes():
+        if notes := self._notes(lane):
             self.notes[lane] = notes
 
-    def _notes(self) -> list[str]:
+    def _notes(self, lane: int) -> list[str]:
         """Of the lane that has just ended: sentences about what was done but should be known."""
         w = self.w
         places = w.i[core.JUMPS]
-        if not places:
+        if not places or w.done[lane][core.STATUS] == core.HIDDEN_JUMP:  # then its ending says it
             return []
         return [
             f"the flow seems to jump near t = {w.f[core.JUMP_T]:.6g}"
@@ -216,8 +216,8 @@ class Batch:
 _FINISHED = (Ended.FINISHED, str(Ended.FINISHED))
 
 
-def samples(settings: Settings, out: np.ndarray) -> Samples:
-    """samples(settings, rows) -> rows t, mode, j, other mode, its part, state… as Samples."""
+def samples(out: np.ndarray) -> Samples:
+    """samples(rows) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples."""
     t, modes, j, other, part = out[:, :5].T
     sliding = other.astype(int), part.copy()
     return Samples(t.copy(), modes.astype(int), j.astype(int), out[:, 5:], *sliding)

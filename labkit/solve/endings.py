@@ -51,8 +51,8 @@ ENDINGS = {
     core.GUARD_NAN: (Ended.NOT_A_NUMBER, 'not a number: the guard of "{name}" at t = {t:.6g}'),
     core.STIFF: (
         Ended.STIFF,
-        "too many steps: {steps} by t = {t:.6g}, for the flow of mode {mode!r} is stiff: the steps of "
-        "{method} are as short as its stability asks, not its accuracy (try method='Radau')",
+        "too many steps: {steps} by t = {t:.6g}, for the flow of mode {mode!r} is stiff: the steps "
+        "of {method} are as short as its stability asks, not its accuracy (try method='Radau')",
     ),
     core.HIDDEN_JUMP: (
         Ended.JUMP,
@@ -62,15 +62,12 @@ ENDINGS = {
 }
 
 
-def ending(
-    status: int, settings: Settings, w: core.Workspace, p: tuple
-) -> tuple[Ended, str]:
+def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tuple[Ended, str]:
     """ending(status, settings, w, p) of the lane that has just ended -> (Ended, sentence)."""
-    if status == core.GUARD_NAN or status not in ENDINGS:
-        mode = settings.modes[w.i[core.MODE]]
-        y = list(w.y)
-        state = [float(y[place]) for place in settings.system.places(mode).values()]
-        if why := trouble(settings.system, mode, float(w.f[core.T]), state, p):
+    if status not in ENDINGS or status == core.GUARD_NAN:
+        system, mode = settings.system, settings.modes[w.i[core.MODE]]
+        state = [float(w.y[place]) for place in system.places(mode).values()]
+        if why := trouble(system, mode, float(w.f[core.T]), state, p):
             return Ended.NOT_A_NUMBER, why
     if status not in ENDINGS:
         return _why_no_step(settings, w)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..model import Every, ModelError, System, listed, number
-from .check import check_functions
 from . import core
+from .check import check_functions
 from .settings import Settings
 
 __all__ = ["Refused", "check_start", "clocks", "mapping", "start_of", "starts_of", "try_functions"]
@@ -98,7 +98,7 @@ def starts_of(
 def try_functions(
     settings: Settings, state: np.ndarray, mode: int, p: tuple
 ) -> tuple[str, tuple[float, ...]]:
-    """try_functions(settings, state (length,), mode by place, p) -> the mode's name, the start as s.
+    """try_functions(settings, state (length,), mode by place, p) -> the mode's name, the start s.
 
     Raises ModelError where a function of the model does not do there.
     """
@@ -109,7 +109,7 @@ def try_functions(
 
 
 def check_start(settings: Settings, state: np.ndarray, mode: int, p: tuple) -> None:
-    """check_start(settings, state (length,), mode by place, p): why the core refuses a start, in words.
+    """check_start(settings, state (length,), mode by place, p): why a start is refused, in words.
 
     The model's functions are tried there; else a guard is passed already.
     """
@@ -135,8 +135,8 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
     """clocks(settings, p (lanes, parameters)) -> fields of the workspace, refused lanes.
 
     Dead times, and when the schedules strike: first + m·period on the clock for m = 0 (or 1), 2, …;
-    or a list of instants. What strikes at t0 belongs to the run that ended there, so that a run cut in
-    two is the whole run; a run from t = 0 has none before it. Arrays are (lanes, columns).
+    or a list of instants. What strikes at t0 belongs to the run that ended there, so that a run cut
+    in two is the whole run; a run from t = 0 has none before it. Arrays are (lanes, columns).
     """
     system, lanes, refused = settings.system, len(p), Refused()
     t0 = settings.options.t0
