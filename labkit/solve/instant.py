@@ -96,8 +96,6 @@ def arrive(model, w, p):
     i, f = w.i, w.f
     f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
     i[ARRIVED], i[BUSY], i[ENTRY] = i[MODE], 1, 1
-    for slot in range(i[TRANSITIONS] + 2):
-        w.slack[slot] = 0.0
     return sides(model, w, p, ARRIVE, -9)
 
 
@@ -158,7 +156,7 @@ def forget(w):
         if w.queue_t[place] <= w.f[UNTIL]:
             drop(w, place)
     for slot in range(w.i[TRANSITIONS] + 2):
-        w.came[slot], w.slack[slot] = 0, 0.0
+        w.came[slot] = 0
 
 
 def happen(model, w, p, q):

@@ -148,7 +148,7 @@ def workspace(z):
         ("awake", "f", (slots,)),  # … and from this time on clear of zero
         ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
         ("came", "i", (slots,)),  # it was located at this instant
-        ("slack", "f", (slots,)),  # … with this value, which counts as zero
+        ("slack", "f", (slots,)),  # what it was located with: counts as zero while it is flat
         ("scale", "f", (slots,)),  # Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| where it was last worked out, at w.scale_y
         ("scale_y", "f", (slots, z.width + 1)),
         ("swing", "f", (slots,)),  # the largest slope seen in the last step

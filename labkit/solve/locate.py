@@ -15,7 +15,7 @@ says where the rest begins. One that leaves zero only later is not looked at bef
 from math import isfinite
 
 from .layout import *
-from .sides import doubt
+from .sides import TICKS, doubt
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
@@ -85,7 +85,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
     directed = transition < 0 or w.directed[transition] == 1
     side = w.side[slot]
     flat = w.flat[slot] == 1 and w.i[ENTRY] == 1 and begin == 0.0
-    slack = 0.0 if transition < 0 else 2.0 * w.tolerance[transition]
+    slack = 0.0 if transition < 0 else 4.0 * w.tolerance[transition]
     top = w.i[PROXY]
     narrowest, shortest = 1.5e-8, 16.0 * EPS * max(abs(t), abs(t + h)) / h
     value, hull, stack = w.value, w.hull, w.stack
@@ -131,8 +131,10 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 total += line[q] * value[q]
             hull[j] = total
             largest = max(largest, abs(total))
-        if own < 0.0 and (looks > 1 or start or largest < 1e-9 * w.scale[slot]):
+        if own < 0.0 and (looks > 1 or w.flat[slot] == 1 or largest < 1e-9 * w.scale[slot]):
             own = doubt(model, w, p, mode, n, t, w.poly[0], k, w.at_node[0][k])
+            if w.flat[slot] == 1:
+                own += 2.0 * w.slack[slot]  # what it was located with still counts as zero
         margin = max(4.0 * misfit + 8.0 * EPS * largest, own)
         finest = looks > 400 or width <= (shortest if start else narrowest)
         if largest <= own:  # zero all along, as far as it is known
@@ -218,7 +220,7 @@ def find_event(model, w, p, mode, n, t, h, entry):
         evaluate(w, n, w.node[j], w.y_try)
         watch(model, w, mode, n, t + w.node[j] * h, w.y_try, p, w.at_node[j])
     w.i[GUARDS] += top + 3
-    tie = 16.0 * EPS * max(abs(t), abs(t + h)) / h
+    tie = TICKS * EPS * max(abs(t), abs(t + h)) / h
     limit, best = 1.0, 2.0
     for k in range(count):
         slot = watched(w, mode, k) + 2
@@ -240,8 +242,8 @@ def find_event(model, w, p, mode, n, t, h, entry):
         for k in range(count):
             slot = watched(w, mode, k) + 2
             w.side[slot] = w.turn[k]
-            if w.awake[slot] <= t + h:
-                w.flat[slot] = 0
+            if w.awake[slot] <= t + h and abs(w.at_node[top][k]) > 2.0 * w.slack[slot]:
+                w.flat[slot], w.slack[slot] = 0, 0.0
         return 2.0, -1
     chosen, latest = -1, best
     for k in range(count):

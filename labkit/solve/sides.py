@@ -17,7 +17,9 @@ from .layout import *
 from .sliding import rates, watch, watch_count, watched
 
 SHAKE = 9.5367431640625e-07  # 2⁻²⁰
-CLEAR = 64.0  # a guard is clear of zero by so many roundings; what moves less is not resolved
+DOUBT = 64.0  # roundings: what a guard's terms are off by after some steps
+TICKS = 32.0  # the same of the clock
+CLEAR = 16.0  # a guard is clear of zero at so many times its doubt; what moves less is not resolved
 
 
 def know_flow(model, w, p):
@@ -55,7 +57,7 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
 
 
 def doubt(model, w, p, mode, n, t, y, k, value):
-    """Below which size the k-th guard counts as zero at (t, y): 16 times its own rounding.
+    """Below which size the k-th guard counts as zero at (t, y): DOUBT times its own rounding.
 
     Its terms are worked out anew when a state has more than doubled or a guard comes near zero that
     the last ones did not foresee.
@@ -70,10 +72,10 @@ def doubt(model, w, p, mode, n, t, y, k, value):
         for i in range(n):
             w.scale_y[slot][i] = abs(y[i])
         w.scale_y[slot][w.i[WIDTH]] = abs(t)
-    rounding = 16.0 * EPS * w.scale[slot]
+    rounding = DOUBT * EPS * w.scale[slot]
     if w.i[SLIDING] == 1 and k < 2:  # a slope, by differences over PROBE
         surface = w.leave[w.leave_from[w.i[SLIDE_A]] + w.i[GUARD_A]]
-        rounding += 16.0 * EPS * w.scale[surface + 2] / w.f[PROBE]
+        rounding += DOUBT * EPS * w.scale[surface + 2] / w.f[PROBE]
     return rounding
 
 
@@ -153,7 +155,7 @@ def leaving(model, w, p, mode, n, t, k, value, band):
     """
     slope = slope_ahead(model, w, p, mode, n, t, k)
     tick = max(abs(t), abs(w.f[BEFORE])) * EPS
-    first = CLEAR * tick if tick > 0.0 else 1e-13 * w.f[H]
+    first = 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
     if slope != 0.0 and isfinite(slope):
         e = max(first, 2.0 * CLEAR * band / abs(slope))
         if e <= 0.1 * w.f[H]:
@@ -206,7 +208,7 @@ def sides(model, w, p, how, fired):
     if count == 0:
         return PAUSE
     i[AHEAD] = 0
-    tick = 8.0 * EPS * max(abs(t), abs(f[BEFORE]))
+    tick = TICKS * EPS * max(abs(t), abs(f[BEFORE]))
     watch(model, w, mode, n, t, w.y, p, w.g)
     i[GUARDS] += 1
     for k in range(count):
@@ -239,11 +241,13 @@ def sides(model, w, p, how, fired):
             order = leaving(model, w, p, mode, n, t, k, value, band)
             now = 1 if order > 0 else -1
             if order == 0 and (how == ARRIVE or how == JUMPED_TO):
-                if w.came[slot] == 1 and abs(value) > own:
-                    now, clear = was, True  # no jump has moved it, and it does not move by itself
+                if w.came[slot] == 1 and abs(value) > own + tick * w.swing[slot]:
+                    now, clear = was, True  # a guard that jumps itself: no reset has put it back
                 elif not directed:
                     now = was  # to rest on a surface is not to cross it
         w.flat[slot] = 0 if clear else 1
+        if clear:
+            w.slack[slot] = 0.0
         w.awake[slot] = f[LATER] if order == 2 or order == -2 else t
         w.side[slot] = now
         again = urgent == YES and q >= 0 and now > 0 and w.delay[i[LANE]][max(q, 0)] == 0.0
