@@ -33,7 +33,7 @@ def guard_at(model, w, p, mode, n, t, h, theta, k):
 def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
     """θ of the one root of guard k in [a, b], on b's side of it (Chandrupatla's method, Adv. Eng. Softw. 28, 1997)."""
     side = 1.0 if fb > 0.0 else -1.0
-    delta = 2.0 * EPS * max(abs(t), abs(t + h)) / h
+    delta = 1e-3 * EPS * max(abs(t), abs(t + h)) / h  # finer than the clock: the state must not come late
     halvings = 0
     while fa * side >= 0.0 and halvings < 100:  # the left end counts as zero: step off it first
         middle = 0.5 * (a + b)
