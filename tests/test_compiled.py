@@ -211,7 +211,7 @@ def test_counting_in_loops():
     [
         (
             "k = 1\n    while k < s.x + 1e30:\n        k *= 10\n    return (k,)",
-            r"\(line 4\) .* 2\*\*63",
+            r"\(line [34]\) .* 2\*\*63",
         ),
         ("return (int(t) * int(s.x),)", r"\(line 2\) has whole numbers that may grow beyond"),
         ("return ((105 * int(t) + 1245) % 2147483648,)", "every digit counts"),
@@ -226,7 +226,7 @@ def test_counting_in_loops():
         ("return (np.random.normal(),)", r"calls .*RandomState.normal"),
         ("return (generator.normal(),)", r"calls .*Generator.normal"),
         ("return (helper(s.x),)", r"calls 'helper': it \(line 2\) calls list.append"),
-        ("if s.x > 2:\n        return (1.0,)", "can end without a `return`"),
+        ("if s.x < 2:\n        return (1.0,)", "can end without a `return`"),
         ("return (s['x'],)", "s\\.x, not s\\['x'\\]"),
         ("return (again(s.x),)", "calls itself"),
     ],
@@ -240,12 +240,10 @@ def test_what_is_not_compiled_runs_plain_and_says_why(body, words):
     with pytest.raises(ModelError, match=words), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         simulate(system, 1.0, backend="compiled")
-    if "s[" not in body and "if s.x > 2:\n        return" not in body:
+    if "s[" not in body:
         with pytest.warns(UserWarning, match="'one' runs in plain Python, because the flow"):
-            try:
-                assert simulate(one(flow, start={"x": 0.5}), 1.0).work.backend == "plain"
-            except ModelError as error:
-                assert "returns None" in str(error)
+            run = simulate(one(flow, start={"x": 0.5}), 1.0, method="RK4", step=0.5)
+        assert run.work.backend == "plain"
 
 
 # ---------------------------------------------------------------- never an old value

@@ -624,7 +624,7 @@ class Body:
         if None in kinds or any(sign[0] in ("is", "is not", "in", "not in") for sign in signs):
             raise self.no(node, f"compares what is not compiled: {_short(node)}")
         for kind in kinds:
-            self._every_digit(kind, node)
+            self._not_larger(kind.bound, node)
         return self._plainly(signs, [counted(piece) for piece in pieces]), TRUTH
 
     @staticmethod
@@ -706,11 +706,7 @@ class Body:
             ast.FloorDiv: x.bound,
             ast.Mod: y.bound,
         }[op]
-        if bound is not None and bound > LARGE:
-            raise self.no(
-                node,
-                f"has whole numbers that may grow beyond 2**63, {_short(node)}: make one of them a float",
-            )
+        self._not_larger(bound, node)
         floating = bound is None or x.floating or y.floating
         kind = Number(floating, bound, numpy)
         return f"({self._float(left)} {sign} {self._float(right)})", kind
@@ -723,11 +719,7 @@ class Body:
         if x.bound is not None and y.bound is not None:
             self._own_rules(node, x, y)
             bound = 1.0 if x.bound <= 1 else _grown(x.bound, y.bound)
-            if bound > LARGE:
-                raise self.no(
-                    node,
-                    f"has whole numbers that may grow beyond 2**63, {_short(node)}: make one of them a float",
-                )
+            self._not_larger(bound, node)
         floating = x.floating or y.floating or exponent is None or exponent < 0
         numpy = x.numpy or y.numpy
         kind = Number(floating or bound is None, bound, numpy)
@@ -739,6 +731,14 @@ class Body:
                 kind,
             )
         return f"do_power({self._float(left)}, {self._float(right)})", kind
+
+    def _not_larger(self, bound: float | None, node: ast.AST) -> None:
+        if bound is not None and bound > LARGE:
+            raise self.no(
+                node,
+                f"has whole numbers that may grow beyond 2**63, {_short(node)}: "
+                "make one of them a float",
+            )
 
     def _every_digit(self, kind: Number, node: ast.AST) -> None:
         if kind.bound is not None and kind.bound > EXACT:
