@@ -1,7 +1,7 @@
 """Where compiled code is kept between sessions: read(name) -> bytes or None; write(name, data).
 
-What lies there is machine code that will be run. So a folder serves only if it is the user's own and nobody else can
-write to it; otherwise nothing outlives the process.
+What lies there is machine code that will be run. So a folder serves only if it is the user's own
+and nobody else can write to it; otherwise nothing outlives the process.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ def wanted() -> Path:
 
 
 def folder() -> Path:
-    """folder() -> the user's folder for compiled code; if that is not safe, one that this process makes and removes."""
+    """folder() -> the user's folder for compiled code; if that is not safe, one that this
+    process makes and removes.
+    """
     with suppress(OSError, RuntimeError):  # RuntimeError: a user without a home
         path = wanted()
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -48,7 +50,9 @@ def _temporary() -> Path:
 
 
 def _is_ours(found: os.stat_result, kind) -> bool:
-    """No link, owned by this user, and no one else may write to it. (Windows keeps a user's folders by other means.)"""
+    """No link, owned by this user, and no one else may write to it. (Windows keeps a user's
+    folders by other means.)
+    """
     if sys.platform == "win32":
         return kind(found.st_mode)
     return kind(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & 0o022
