@@ -534,7 +534,7 @@ GOOD = flow_of("s.v", "-p.g")
         ("'ab'", "returns 'ab': it must return a tuple"),
         ("(s.v, '-9.81')", "returns '-9.81' for 'v': it must be a number"),
         ("(s.v, None)", "returns None for 'v': it must be a number"),
-        ("(s['v'], -p.g)", r"read as s.x, not s\['x'\]"),
+        ("(s['v'], -p.g)", r"read as s.v, not s\['v'\]"),
         ("(s[5], 0.0)", "the flow of mode 'm' fails at the start, .*IndexError"),
         ("(s.v, -G)", "the flow of mode 'm' asks for a name that is not there .*'G'"),
         ("(s.v, -p.G)", "unknown name: 'P' object has no attribute 'G'"),

@@ -3,7 +3,7 @@
     run = simulate(ball, 12.0, e=0.9, start={"y": 5.0}, method="DOP853", rtol=1e-8)
 
 The work is done by lanes.py and core.py, compiled (backend.py) or as plain Python from the same source, on the memory
-of a Batch (batch.py); methods.py has the tables, functions.py turns a model's functions into what the core calls,
+of a Batch (batch.py); methods.py has the tables, plain.py and source.py turn a model's functions into what the core calls,
 scipy_step.py lets SciPy's implicit methods take the steps.
 """
 

@@ -211,7 +211,8 @@ class Batch:
         if status == core.GUARD_NAN:
             mode = self.settings.modes[w.i[core.MODE]]
             why = trouble(system, mode, float(w.f[core.T]), self.state(mode), self.parameters())
-            return why or f'not a number: the guard of "{name}" at {t}'
+            text = f'not a number: the guard of "{name}" at {t}'
+            return f"{text} ({why})" if why else text
         return self._why_no_step(t)
 
     def _why_no_step(self, t: str) -> str:
@@ -219,16 +220,16 @@ class Batch:
         system, mode = self.settings.system, self.settings.modes[self.w.i[core.MODE]]
         names = system.states_of(mode)
         y = [float(v) for v in list(self.w.y)[: len(names)]]
-        if why := trouble(
-            system, mode, float(self.w.f[core.T]), self.state(mode), self.parameters()
-        ):
-            return why
+        why = trouble(system, mode, float(self.w.f[core.T]), self.state(mode), self.parameters())
         # The last attempt's stages are still there: one that is no number tells more than the tiny step
         stages = np.array([] if self.settings.external else list(self.w.k), dtype=float).reshape(
             -1, self.settings.width
         )[: self.settings.table.stages + 1]
         if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k]))]:
-            return f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} near {t}"
+            text = f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} near {t}"
+            return f"{text} ({why})" if why else text
+        if why:
+            return f"not a number: {why}"
         biggest = max(range(len(names)), key=lambda k: abs(y[k]))
         if abs(y[biggest]) > 1e8 or self.settings.method in FIXED_STEP:
             return f"diverged: |{names[biggest]}| = {abs(y[biggest]):.3g} at {t}"

@@ -24,10 +24,12 @@ def wanted() -> Path:
     if os.environ.get("LABKIT_CACHE"):
         return Path(os.environ["LABKIT_CACHE"])
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "labkit"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "labkit"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "labkit"
+        home = Path(os.environ.get("LOCALAPPDATA", Path.home()))
+    elif sys.platform == "darwin":
+        home = Path.home() / "Library" / "Caches"
+    else:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return home / "labkit" / "code"
 
 
 def folder() -> Path:

@@ -8,6 +8,7 @@ trouble(system, mode, t, y, p)                  why a run can go no further ther
 from __future__ import annotations
 
 import os
+import re
 import traceback
 from collections.abc import Callable, Mapping, Set
 
@@ -141,7 +142,8 @@ def mistake(error: Exception, what: str, t: float, s: tuple, p: tuple) -> str:
         names = f"states {states}, parameters {parameters}"
         return f"{what} asks for an unknown name: {text}{where}; {names}"
     if "tuple indices must be integers" in text:
-        name = s._fields[0]
+        asked = [word for word in re.findall(r"\[['\"](\w+)['\"]\]", where) if word in s._fields]
+        name = asked[0] if asked else s._fields[0]
         return f"{what} fails{where}: a state or parameter is read as s.{name}, not s['{name}']"
     if isinstance(error, NameError):
         return f"{what} asks for a name that is not there{where}: {text}"
@@ -232,5 +234,5 @@ def trouble(system: System, mode: str, t: float, y: list[float], p: tuple) -> st
             except Exception as error:
                 if not isinstance(error, OverflowError):
                     kind_of = f"{type(error).__name__}: {error}{line_of(error)}"
-                    return f"not a number: {what} fails near {at(t, s)}: {kind_of}"
+                    return f"{what} fails near {at(t, s)}: {kind_of}"
     return ""
