@@ -219,7 +219,8 @@ CORE = "\n".join(
     for line in _source(name).splitlines()
     if not line.startswith("from .")
 )
-#: What compiled code depends on besides: how it is made.
+#: What the compiled core depends on, and what compiled models depend on besides: how they are made.
+CORE_KEY = CORE + _source("backend") + repr((FLOW, GUARDS, RESET))
 HOW = "\n".join(map(_source, ("backend", "source", "translate", "checked", "kinds")))
 
 
@@ -577,8 +578,8 @@ def load_core(here: bool = False) -> None:
                         ),
                     },
                 )
-            _core = _read(CORE + HOW) or _made(CORE + HOW, _make_core())
+            _core = _read(CORE_KEY) or _made(CORE_KEY, _make_core())
 
 
 def core_is_kept() -> bool:
-    return kept.has(_kept(CORE + HOW))
+    return kept.has(_kept(CORE_KEY))
