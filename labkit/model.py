@@ -1,18 +1,20 @@
-"""The model as an object: what a hybrid system *is*, checked when it is made. No numerics live here.
+"""The model as an object: what a hybrid system *is*, checked when it is made. No numerics live
+here.
 
     ball = System(
         "bouncing ball",
         states={"y": "m", "v": "m/s"},
-        parameters={"g": Parameter(9.81, "m/s²", "gravity"), "e": Parameter(0.8, "", "restitution", 0, 1)},
-        modes=[Mode("flight", lambda t, s, p: (s.v, -p.g))],
+        parameters={"g": Parameter(9.81, "m/s²", "gravity"), "e": Parameter(0.8, "", "restitution",
+        0, 1)}, modes=[Mode("flight", lambda t, s, p: (s.v, -p.g))],
         transitions=[Transition("flight", "flight", guard=lambda t, s, p: s.y, direction=-1,
                                 reset=lambda t, s, p: (0.0, -p.e * s.v), label="bounce")],
         start={"y": 10.0, "v": 0.0},
     )
 
-Words: a *mode* has a *flow* (the right-hand side of its differential equations); a *transition* leaves a source
-mode when its *guard* crosses zero in the stated direction, or at the instants of a *schedule*, applies its *reset*
-and enters the target mode. All functions are plain Python functions of (t, s, p) with named states and parameters.
+Words: a *mode* has a *flow* (the right-hand side of its differential equations); a *transition*
+leaves a source mode when its *guard* crosses zero in the stated direction, or at the instants of a
+*schedule*, applies its *reset* and enters the target mode. All functions are plain Python functions
+of (t, s, p) with named states and parameters.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ __all__ = [
     "OPTIONS",
 ]
 
-#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may not be called so.
+#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may
+#: not be called so.
 OPTIONS = frozenset(
     {
         "system",
@@ -72,7 +75,9 @@ Number = float | str | Callable[..., float]
 
 
 class ModelError(ValueError):
-    """Raised when a model or a request about it does not make sense; the message names the thing and the mend."""
+    """Raised when a model or a request about it does not make sense; the message names the thing
+    and the mend.
+    """
 
 
 def listed(names: Iterable[str]) -> str:
@@ -91,7 +96,9 @@ def number(value: object, what: str) -> float:
 
 
 def _letters(name: object) -> object:
-    """The name as Python reads it in source: µ (keyboard) is μ (Greek), ϕ is φ, ϵ is ε; hence p.µ asks for "μ"."""
+    """The name as Python reads it in source: µ (keyboard) is μ (Greek), ϕ is φ, ϵ is ε; hence
+    p.µ asks for "μ".
+    """
     return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
 
 
@@ -122,7 +129,8 @@ def _identifier(name: object, what: str) -> str:
         or name.startswith("_")
     ):
         raise ModelError(
-            f"{what} {name!r} must be a plain Python name (letters, digits, _), so that s.{name} or p.{name} can be written"
+            f"{what} {name!r} must be a plain Python name (letters, digits, _), so that "
+            f"s.{name} or p.{name} can be written"
         )
     return name
 
@@ -131,8 +139,9 @@ def _identifier(name: object, what: str) -> str:
 class Parameter:
     """Parameter(value, unit, meaning, low, high): a number of the model that a slider may move.
 
-    `low` and `high` bound what `simulate` accepts and where the slider runs; left out, anything finite goes.
-    `symbol` is LaTeX for the equations ("\\\\lambda_0"); left out, it is made from the name.
+    `low` and `high` bound what `simulate` accepts and where the slider runs; left out, anything
+    finite goes. `symbol` is LaTeX for the equations ("\\\\lambda_0"); left out, it is made from the
+    name.
     """
 
     value: float
@@ -143,14 +152,17 @@ class Parameter:
     symbol: str | None = None
 
     def check(self, name: str, value: object) -> float:
-        """parameter.check("e", 1.2) -> the value as float; ModelError when it is no number or out of range."""
+        """parameter.check("e", 1.2) -> the value as float; ModelError when it is no number or
+        out of range.
+        """
         low, high = (
             None if bound is None else number(bound, f"a bound of parameter {name!r}")
             for bound in (self.low, self.high)
         )
         if low is not None and high is not None and low > high:
             raise ModelError(
-                f"parameter {name!r} has the range [{low:g}, {high:g}]: its lower bound is above the upper one"
+                f"parameter {name!r} has the range [{low:g}, {high:g}]: its lower bound is "
+                "above the upper one"
             )
         result = number(value, f"parameter {name!r}")
         if (self.low is not None and result < self.low) or (
@@ -159,7 +171,8 @@ class Parameter:
             low = "-∞" if self.low is None else f"{self.low:g}"
             high = "∞" if self.high is None else f"{self.high:g}"
             raise ModelError(
-                f"parameter {name!r} = {result:g} is outside its range [{low}, {high}]{' ' + self.unit if self.unit else ''}"
+                f"parameter {name!r} = {result:g} is outside its range [{low}, "
+                f"{high}]{' ' + self.unit if self.unit else ''}"
             )
         return result
 
@@ -178,7 +191,8 @@ class Held:
 
 @dataclass(frozen=True)
 class Mode:
-    """Mode("flight", flow): one law of motion; flow(t, s, p) returns the derivatives in the order of the states.
+    """Mode("flight", flow): one law of motion; flow(t, s, p) returns the derivatives in the order
+    of the states.
 
     `states` (name -> unit) is given only by a mode that has variables of its own (a torn pendulum);
     otherwise the mode has those of the system. `meaning` is shown in tables and the mode diagram.
@@ -192,11 +206,13 @@ class Mode:
 
 @dataclass(frozen=True)
 class Every:
-    """Every(period, first=None): the instants first, first + period, … counted from the start of the run.
+    """Every(period, first=None): the instants first, first + period, … counted from the start of
+    the run.
 
-    Both may be a number, the name of a parameter, or a function of p. `first` defaults to one period.
-    The k-th instant is first + k·period, or k·period (one multiplication, no accumulated rounding). At one instant only the
-    transitions fire whose source was the mode on arrival: two of them may swap two modes.
+    Both may be a number, the name of a parameter, or a function of p. `first` defaults to one
+    period. The k-th instant is first + k·period, or k·period (one multiplication, no accumulated
+    rounding). At one instant only the transitions fire whose source was the mode on arrival: two of
+    them may swap two modes.
     """
 
     period: Number
@@ -205,7 +221,9 @@ class Every:
 
 @dataclass(frozen=True)
 class At:
-    """At(25.0) or At(5, "t_back"): single known instants: numbers, names of parameters, or functions of p. Raises ModelError without any."""
+    """At(25.0) or At(5, "t_back"): single known instants: numbers, names of parameters, or
+    functions of p. Raises ModelError without any.
+    """
 
     instants: tuple[Number, ...]
 
@@ -226,19 +244,26 @@ Schedule = Every | At
 
 @dataclass(frozen=True)
 class Transition:
-    """Transition("stick", "slip", guard=…, direction=+1): when to leave a mode, where to, and what changes.
+    """Transition("stick", "slip", guard=…, direction=+1): when to leave a mode, where to, and what
+    changes.
 
     source     name of a mode, or a tuple of names
     target     name of a mode; None ends the run ("destroyed")
     guard      g(t, s, p) -> number; the event is its zero. direction: +1 rising, -1 falling, 0 both
     at         a schedule (Every, At) instead of a guard: instants known beforehand
     reset      r(t, s, p) -> the states after the event, in the order of the target's states; or
-               {"v": function or number, …} names what changes and keeps the rest; left out: all kept
-    delay      dead time (number, parameter name or function of p) from the guard's crossing to the transition
-    priority   of several events at one instant the highest goes first; equal ones in the order of the list
-    urgent     fires also if the guard is already beyond zero when the mode is entered (or at the start)
-    zeno       mode that takes over when infinitely many of these events pile up (a ball that comes to rest)
-    tolerance  the guard must pass zero by this much (in the guard's unit): a touched limit is not a crossing
+               {"v": function or number, …} names what changes and keeps the rest; left out: all
+               kept
+    delay      dead time (number, parameter name or function of p) from the guard's crossing to the
+               transition
+    priority   of several events at one instant the highest goes first; equal ones in the order of
+               the list
+    urgent     fires also if the guard is already beyond zero when the mode is entered (or at the
+               start)
+    zeno       mode that takes over when infinitely many of these events pile up (a ball that comes
+               to rest)
+    tolerance  the guard must pass zero by this much (in the guard's unit): a touched limit is not a
+    crossing
     """
 
     source: str | tuple[str, ...]
@@ -265,9 +290,11 @@ class Transition:
 
 @dataclass(frozen=True)
 class Output:
-    """Output(function, "N", "friction force"): a quantity computed from the run, read like a state: run["F"].
+    """Output(function, "N", "friction force"): a quantity computed from the run, read like a state:
+    run["F"].
 
-    `function` is f(t, s, p) for all modes, or a mapping mode name -> function (NaN in modes that are not named).
+    `function` is f(t, s, p) for all modes, or a mapping mode name -> function (NaN in modes that
+    are not named).
     """
 
     function: Function | Mapping[str, Function]
@@ -276,20 +303,24 @@ class Output:
 
 
 class System:
-    """System(name, states, parameters, modes, transitions, start, mode=…, outputs=…): a hybrid system, checked.
+    """System(name, states, parameters, modes, transitions, start, mode=…, outputs=…): a hybrid
+    system, checked.
 
     states       name -> unit, or name -> (unit, meaning)
     parameters   name -> Parameter, or a bare number
     modes        one or more Mode
     transitions  any number of Transition
     start        state name -> value at t0, for every state of the start mode
-    mode         start mode: a name (default: the first), or a function (t, s, p) -> name that suits the start
+    mode         start mode: a name (default: the first), or a function (t, s, p) -> name that suits
+                 the start
     outputs      name -> Output
-    held         name -> (unit, start), or (unit, start, meaning): variables that only events change,
+    held         name -> (unit, start), or (unit, start, meaning): variables that only events
+                 change,
                  read as s.name like states; a flow returns no derivative of them
     time         unit of the time
 
-    Raises ModelError, naming the piece and the mend, for an unknown mode, a name used twice, a value out of range…
+    Raises ModelError, naming the piece and the mend, for an unknown mode, a name used twice, a
+    value out of range…
     """
 
     def __init__(
@@ -311,7 +342,8 @@ class System:
         self.meanings: dict[str, str] = {}
         if not isinstance(states, Mapping):
             raise ModelError(
-                f"states of {name!r} must be a dict of names and units, {{'x': 'm', …}}, not {states!r}"
+                f"states of {name!r} must be a dict of names and units, {{'x': 'm', …}}, not "
+                f"{states!r}"
             )
         if not states:
             raise ModelError(f"system {name!r} has no states: give states={{'x': 'm', …}}")
@@ -331,18 +363,21 @@ class System:
             _identifier(output, "output")
             if output in self.units or output in self.parameters or output in COLUMNS:
                 raise ModelError(
-                    f"output {output!r} has the name of a state, a parameter or a column of every run: give it another"
+                    f"output {output!r} has the name of a state, a parameter or a column of "
+                    "every run: give it another"
                 )
             functions = what.function if isinstance(what, Output) else what
             if not isinstance(what, Output) or not all(
                 map(callable, functions.values() if isinstance(functions, Mapping) else [functions])
             ):
                 raise ModelError(
-                    f"output {output!r} must be Output(function of (t, s, p), unit, meaning), not {what!r}"
+                    f"output {output!r} must be Output(function of (t, s, p), unit, meaning), "
+                    f"not {what!r}"
                 )
             if isinstance(functions, Mapping) and (unknown := set(functions) - set(self.modes)):
                 raise ModelError(
-                    f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; there are {listed(self.modes)}"
+                    f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; "
+                    f"there are {listed(self.modes)}"
                 )
         if mode is not None and not callable(mode) and mode not in self.modes:
             raise ModelError(
@@ -364,15 +399,18 @@ class System:
             )
         if unknown := [key for key in self.start if key not in self.units]:
             raise ModelError(
-                f"start names the unknown state(s) {listed(unknown)}; there are {listed(self.units)}"
+                f"start names the unknown state(s) {listed(unknown)}; there are "
+                f"{listed(self.units)}"
             )
         self.start |= {key: each.start for key, each in self.held.items()}
         if not callable(self.mode):
             self.check_start(self.start, self.mode)
         self.P = namedtuple("P", list(self.parameters))  # type: ignore[misc]
         #: mode -> the named tuple s of its states, then the held variables
-        self.S = {key: namedtuple("S", [*self.states_of(key), *self.held]) for key in self.modes}  # type: ignore[misc]
-        #: (mode name -> transitions that may leave it, as positions in `transitions`, highest priority first)
+        # type: ignore[misc]
+        self.S = {key: namedtuple("S", [*self.states_of(key), *self.held]) for key in self.modes}
+        #: (mode name -> transitions that may leave it, as positions in `transitions`, highest
+        #: priority first)
         self.leaving = {
             key: sorted(
                 (i for i, tr in enumerate(self.transitions) if key in tr.sources),
@@ -389,7 +427,8 @@ class System:
             _identifier(key, f"state of {owner}")
             if key == "t":
                 raise ModelError(
-                    "a state cannot be called 't': that is the time, the first argument of every function"
+                    "a state cannot be called 't': that is the time, the first argument of "
+                    "every function"
                 )
             if key in COLUMNS:
                 raise ModelError(
@@ -406,7 +445,8 @@ class System:
             unit, meaning = (what, "") if isinstance(what, str) else what
             if self.units.setdefault(key, unit) != unit:
                 raise ModelError(
-                    f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} elsewhere: use another name"
+                    f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} "
+                    "elsewhere: use another name"
                 )
             self.meanings.setdefault(key, meaning)
         return tuple(states)
@@ -414,20 +454,25 @@ class System:
     def _make_parameters(self, parameters: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
         if not isinstance(parameters, Mapping):
             raise ModelError(
-                f"parameters of {self.name!r} must be a dict of names and Parameters, not {parameters!r}"
+                f"parameters of {self.name!r} must be a dict of names and Parameters, not "
+                f"{parameters!r}"
             )
         made = {}
         for key, value in _named(parameters, "parameters").items():
             _identifier(key, "parameter")
             if key in OPTIONS:
                 raise ModelError(
-                    f"parameter {key!r} is named like an option of simulate: rename it (for example {key}_)"
+                    f"parameter {key!r} is named like an option of simulate: rename it (for "
+                    f"example {key}_)"
                 )
             if key == "t" or key in self.units:
                 raise ModelError(
-                    f"parameter {key!r} has the name of {'the time' if key == 't' else 'a state'}: give it another, a formula could not tell them apart"
+                    f"parameter {key!r} has the name of "
+                    f"{'the time' if key == 't' else 'a state'}: give it another, a formula "
+                    "could not tell them apart"
                 )
-            what = value if isinstance(value, Parameter) else Parameter(value)  # type: ignore[arg-type]
+            # type: ignore[arg-type]
+            what = value if isinstance(value, Parameter) else Parameter(value)
             made[key] = replace(what, value=what.check(key, what.value))
         return made
 
@@ -444,14 +489,16 @@ class System:
                 raise ModelError(f"two modes are called {mode.name!r}: give each its own name")
             if not callable(mode.flow):
                 raise ModelError(
-                    f"the flow of mode {mode.name!r} must be a function of (t, s, p), not {mode.flow!r}"
+                    f"the flow of mode {mode.name!r} must be a function of (t, s, p), not "
+                    f"{mode.flow!r}"
                 )
             if mode.states is not None:
                 own = self._add_states(mode.states, f"mode {mode.name!r}")
                 mode = replace(mode, states=_named(mode.states, f"mode {mode.name!r}"))
                 if clash := [key for key in own if key in self.parameters]:
                     raise ModelError(
-                        f"mode {mode.name!r} has a state with the name of the parameter {listed(clash)}: give one of them another"
+                        f"mode {mode.name!r} has a state with the name of the parameter "
+                        f"{listed(clash)}: give one of them another"
                     )
             made[mode.name] = mode
         return made
@@ -466,7 +513,8 @@ class System:
             _identifier(key, "held variable")
             if key == "t" or key in COLUMNS or key in OPTIONS:
                 raise ModelError(
-                    f"a held variable cannot be called {key!r}: that is the time, a column of every "
+                    f"a held variable cannot be called {key!r}: that is the time, a column of "
+                    "every "
                     f"run or an option of simulate; rename it (for example {key}_)"
                 )
             if key in self.units or key in self.parameters:
@@ -505,12 +553,14 @@ class System:
             after = self.states_of(tr.target or source)
             if unknown := [key for key in parts if key not in after and key not in self.held]:
                 raise ModelError(
-                    f"{what} names {listed(unknown)}; after it there are {listed([*after, *self.held])}"
+                    f"{what} names {listed(unknown)}; after it there are "
+                    f"{listed([*after, *self.held])}"
                 )
             before = self.states_of(source)
             if missing := [key for key in after if key not in parts and key not in before]:
                 raise ModelError(
-                    f"{what} gives no value for {listed(missing)}, which mode {source!r} does not have"
+                    f"{what} gives no value for {listed(missing)}, which mode {source!r} does "
+                    "not have"
                 )
         for key, value in parts.items():
             if not callable(value):
@@ -518,7 +568,8 @@ class System:
         return replace(tr, reset=parts)
 
     def reset_parts(self, transition: Transition, mode: str) -> dict[str, Function | None]:
-        """system.reset_parts(transition, "flight") -> name after the event -> f(t, s, p), None if kept.
+        """system.reset_parts(transition, "flight") -> name after the event -> f(t, s, p), None if
+        kept.
 
         Names are the target's states (the mode's own where the run ends), then the held variables.
         """
@@ -538,7 +589,8 @@ class System:
     def _check_transition(self, tr: Transition) -> Transition:
         if not isinstance(tr, Transition) or not isinstance(tr.source, str | tuple | list):
             raise ModelError(
-                f"transitions of {self.name!r} must be Transition(source mode, target mode, …), not {tr!r}"
+                f"transitions of {self.name!r} must be Transition(source mode, target mode, "
+                f"…), not {tr!r}"
             )
         what = f"transition {tr.name!r}"
         number(tr.priority, f"priority of {what}")
@@ -560,13 +612,15 @@ class System:
         tr = self._check_reset(tr)
         if tr.direction not in (-1, 0, 1):
             raise ModelError(
-                f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 (both)"
+                f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 "
+                "(both)"
             )
         if tr.at is not None and not isinstance(tr.at, Every | At):
             raise ModelError(f"{what}: at= takes Every(period) or At(instant, …), not {tr.at!r}")
         if tr.urgent and tr.direction == 0:
             raise ModelError(
-                f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, -1 while it is < 0"
+                f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, "
+                "-1 while it is < 0"
             )
         if number(tr.tolerance, f"tolerance of {what}") < 0 or (tr.tolerance and tr.direction == 0):
             raise ModelError(f"{what}: tolerance must be ≥ 0, and needs a direction of +1 or -1")
@@ -575,7 +629,9 @@ class System:
                 for source in tr.sources:
                     if self.states_of(source) != self.states_of(end):
                         raise ModelError(
-                            f"{what} needs a reset: mode {source!r} has the states {listed(self.states_of(source))}, mode {end!r} has {listed(self.states_of(end))}"
+                            f"{what} needs a reset: mode {source!r} has the states "
+                            f"{listed(self.states_of(source))}, mode {end!r} has "
+                            f"{listed(self.states_of(end))}"
                         )
         for value in (
             tr.delay,
@@ -589,7 +645,8 @@ class System:
         ):
             if isinstance(value, str) and _letters(value) not in self.parameters:
                 raise ModelError(
-                    f"{what} names the unknown parameter {value!r}; there are {listed(self.parameters)}"
+                    f"{what} names the unknown parameter {value!r}; there are "
+                    f"{listed(self.parameters)}"
                 )
         return tr
 
@@ -609,18 +666,22 @@ class System:
         if name in self.parameters:
             return self.parameters[name].unit
         raise ModelError(
-            f"{name!r} is neither a state, an output nor a parameter of {self.name!r}; there are {listed([*self.units, *self.outputs, *self.parameters])}"
+            f"{name!r} is neither a state, an output nor a parameter of {self.name!r}; there "
+            f"are {listed([*self.units, *self.outputs, *self.parameters])}"
         )
 
     def values(self, changed: Mapping[str, object] | None = None) -> tuple[float, ...]:
-        """system.values({"e": 0.9}) -> all parameters as a named tuple p; ModelError for an unknown name or bad value."""
+        """system.values({"e": 0.9}) -> all parameters as a named tuple p; ModelError for an
+        unknown name or bad value.
+        """
         if not changed:
             return self.P(*(parameter.value for parameter in self.parameters.values()))
         if not self.parameters.keys() >= changed.keys():
             changed = _named(changed, "the parameters")
         if unknown := [key for key in changed if key not in self.parameters]:
             raise ModelError(
-                f"{listed(unknown)} is not a parameter of {self.name!r}; there are {listed(self.parameters)}"
+                f"{listed(unknown)} is not a parameter of {self.name!r}; there are "
+                f"{listed(self.parameters)}"
             )
         return self.P(
             *(
@@ -630,7 +691,8 @@ class System:
         )
 
     def check_start(self, start: Mapping[str, float], mode: str) -> tuple[float, ...]:
-        """system.check_start(start, mode) -> the values in the order of S[mode]; ModelError when one is missing or too many.
+        """system.check_start(start, mode) -> the values in the order of S[mode]; ModelError when
+        one is missing or too many.
 
         Held variables that are not named start as `held` says.
         """
@@ -641,16 +703,20 @@ class System:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
         if unknown := [key for key in start if key not in self.units]:
             raise ModelError(
-                f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has {listed(names)}"
+                f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has "
+                f"{listed(names)}"
             )
         if missing := [key for key in names if key not in start]:
             raise ModelError(
-                f"start gives no value for {listed(missing)}: mode {mode!r} has the states {listed(names)}"
+                f"start gives no value for {listed(missing)}: mode {mode!r} has the states "
+                f"{listed(names)}"
             )
         return tuple(number(start[key], f"start of {key!r}") for key in (*names, *self.held))
 
     def resolve(self, value: Number, p: tuple[float, ...], what: str) -> float:
-        """system.resolve("Td", p, "delay of …") -> a number given as such, as a parameter's name or as a function of p."""
+        """system.resolve("Td", p, "delay of …") -> a number given as such, as a parameter's name
+        or as a function of p.
+        """
         if callable(value):
             value = value(p)
         elif isinstance(value, str):
@@ -658,4 +724,8 @@ class System:
         return number(value, what)
 
     def __repr__(self) -> str:
-        return f"System({self.name!r}: states {', '.join(self.units)}; modes {', '.join(self.modes)}; {len(self.transitions)} transitions)"
+        states = ", ".join(name for name in self.units if name not in self.held)
+        held = f"; held {', '.join(self.held)}" if self.held else ""
+        count = len(self.transitions)
+        modes = ", ".join(self.modes)
+        return f"System({self.name!r}: states {states}{held}; modes {modes}; {count} transitions)"

@@ -1,4 +1,5 @@
-"""A model's function with other things under the names that it reads: the one place where functions are copied.
+"""A model's function with other things under the names that it reads: the one place where functions
+are copied.
 
 rebound(f, swap)      a copy of f that reads swap(value, name) wherever f reads value under name
 names_in(f.__code__)  the global names that f and the functions defined in it read
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import builtins
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from types import CellType, CodeType, FunctionType
 from typing import Any
@@ -17,7 +19,9 @@ Swap = Callable[[Any, str], Any]
 
 @lru_cache(maxsize=10_000)
 def names_in(code: CodeType) -> frozenset[str]:
-    """names_in(f.__code__) -> all names that f, and functions defined in it, may read from outside."""
+    """names_in(f.__code__) -> all names that f, and functions defined in it, may read from
+    outside.
+    """
     inner = (names_in(part) for part in code.co_consts if isinstance(part, CodeType))
     return frozenset(code.co_names).union(*inner)
 
@@ -25,10 +29,11 @@ def names_in(code: CodeType) -> frozenset[str]:
 def rebound(
     function: FunctionType, swap: Swap, copies: dict[int, tuple[FunctionType, FunctionType]]
 ) -> FunctionType:
-    """rebound(f, swap, {}) -> a copy of f: globals, closure variables, builtins and defaults are swap(value, name).
+    """rebound(f, swap, {}) -> a copy of f: globals, closure variables, builtins and defaults are
+    swap(value, name).
 
-    swap may call `rebound` with the same `copies`, for the functions that f calls: each is copied once, so one that
-    calls itself is no trouble.
+    swap may call `rebound` with the same `copies`, for the functions that f calls: each is copied
+    once, so one that calls itself is no trouble.
     """
     if id(function) in copies:
         return copies[id(function)][1]
@@ -43,10 +48,8 @@ def rebound(
             scope[name] = swap(getattr(builtins, name), name)
     given = zip(cells, function.__closure__ or (), function.__code__.co_freevars, strict=True)
     for new, old, name in given:
-        try:
+        with suppress(ValueError):  # a variable that has no value yet
             new.cell_contents = swap(old.cell_contents, name)
-        except ValueError:  # a variable that has no value yet
-            pass
     if function.__defaults__:
         copy.__defaults__ = tuple(swap(value, "") for value in function.__defaults__)
     if function.__kwdefaults__:

@@ -95,16 +95,84 @@ def count(a, m=5):
 def power(a, e):
     return a**e
 """
-LEAVES = """s.x s.v t p.k 0 1 2 3 -1 7 0.5 -2.5 1e-3 10**9 2**40 R K n planet.g planet.n
-    planet.earth.R planet.earth.big len(U) U[1] W[3] W[-1] N[2] M[1][0] math.pi True (s.x>0)
-    int(t) int(s.x)""".split()
-ONE = """-({}) abs({}) int({}) round({}) float({}) math.floor({}) math.ceil({}) math.sqrt({})
-    math.exp({}) math.log({}) math.sin({}) math.atan({}) half({}) pick({}) count({}) ({})**2
-    ({})**3 2**({}) (-1)**int({}) U[int({})] W[int({})%4] A[int({})%4] N[int({})%3]
-    M[int({})%2][1]""".split()
-TWO = """({}+{}) ({}-{}) ({}*{}) ({}/{}) ({}//{}) ({}%{}) ({}**{}) min({},{}) max({},{})
-    half({},{}) power({},{}) math.hypot({},{}) (({})and({})) (({})or({}))
-    math.atan2({},{})""".split()
+LEAVES = [
+    "s.x",
+    "s.v",
+    "t",
+    "p.k",
+    "0",
+    "1",
+    "2",
+    "3",
+    "-1",
+    "7",
+    "0.5",
+    "-2.5",
+    "1e-3",
+    "10**9",
+    "2**40",
+    "R",
+    "K",
+    "n",
+    "planet.g",
+    "planet.n",
+    "planet.earth.R",
+    "planet.earth.big",
+    "len(U)",
+    "U[1]",
+    "W[3]",
+    "W[-1]",
+    "N[2]",
+    "M[1][0]",
+    "math.pi",
+    "True",
+    "(s.x>0)",
+    "int(t)",
+    "int(s.x)",
+]
+ONE = [
+    "-({})",
+    "abs({})",
+    "int({})",
+    "round({})",
+    "float({})",
+    "math.floor({})",
+    "math.ceil({})",
+    "math.sqrt({})",
+    "math.exp({})",
+    "math.log({})",
+    "math.sin({})",
+    "math.atan({})",
+    "half({})",
+    "pick({})",
+    "count({})",
+    "({})**2",
+    "({})**3",
+    "2**({})",
+    "(-1)**int({})",
+    "U[int({})]",
+    "W[int({})%4]",
+    "A[int({})%4]",
+    "N[int({})%3]",
+    "M[int({})%2][1]",
+]
+TWO = [
+    "({}+{})",
+    "({}-{})",
+    "({}*{})",
+    "({}/{})",
+    "({}//{})",
+    "({}%{})",
+    "({}**{})",
+    "min({},{})",
+    "max({},{})",
+    "half({},{})",
+    "power({},{})",
+    "math.hypot({},{})",
+    "(({})and({}))",
+    "(({})or({}))",
+    "math.atan2({},{})",
+]
 POINTS = [(0.0, 1.5, -0.5), (2.7, -3.25, 1e6), (1.0, 0.0, 3.0), (13.0, 1e3, -2.0), (1e6, 40.5, 0.1)]
 
 
@@ -161,10 +229,30 @@ def test_random_expressions_are_pythons(texts):
 R, C, K, N = 6371000, 299792458, 100, 10
 
 
-WHOLE = """1e20/R**3  c**3/1e25  K**n/1e20  K**(n-12)  100**10*s.x  10**-2  2**62*2**62*s.x
-    7//2*s.x  -7//2+s.x  -7%3+s.x  (s.x>0)*3+True  R*R*R*R*s.x  sum([R,R,R])**3/1e20
-    divmod(R,7)[1]*s.x  round(2.5)*s.x  round(3.14159,2)*s.x  int(-2.7*s.x)  abs(-R)**3*s.x
-    1_000_003**4%97*s.x  max(R,c)**3*s.x  (1<<40)**2*s.x  len([1,2])**100*s.x""".split()
+WHOLE = [
+    "1e20/R**3",
+    "c**3/1e25",
+    "K**n/1e20",
+    "K**(n-12)",
+    "100**10*s.x",
+    "10**-2",
+    "2**62*2**62*s.x",
+    "7//2*s.x",
+    "-7//2+s.x",
+    "-7%3+s.x",
+    "(s.x>0)*3+True",
+    "R*R*R*R*s.x",
+    "sum([R,R,R])**3/1e20",
+    "divmod(R,7)[1]*s.x",
+    "round(2.5)*s.x",
+    "round(3.14159,2)*s.x",
+    "int(-2.7*s.x)",
+    "abs(-R)**3*s.x",
+    "1_000_003**4%97*s.x",
+    "max(R,c)**3*s.x",
+    "(1<<40)**2*s.x",
+    "len([1,2])**100*s.x",
+]
 
 
 def test_whole_constants():
@@ -211,7 +299,7 @@ def test_counting_in_loops():
     [
         (
             "k = 1\n    while k < s.x + 1e30:\n        k *= 10\n    return (k,)",
-            r"\(line 4\) .* 2\*\*63",
+            r"\(line [34]\) .* 2\*\*63",
         ),
         ("return (int(t) * int(s.x),)", r"\(line 2\) has whole numbers that may grow beyond"),
         ("return ((105 * int(t) + 1245) % 2147483648,)", "every digit counts"),
@@ -226,7 +314,7 @@ def test_counting_in_loops():
         ("return (np.random.normal(),)", r"calls .*RandomState.normal"),
         ("return (generator.normal(),)", r"calls .*Generator.normal"),
         ("return (helper(s.x),)", r"calls 'helper': it \(line 2\) calls list.append"),
-        ("if s.x > 2:\n        return (1.0,)", "can end without a `return`"),
+        ("if s.x < 2:\n        return (1.0,)", "can end without a `return`"),
         ("return (s['x'],)", "s\\.x, not s\\['x'\\]"),
         ("return (again(s.x),)", "calls itself"),
     ],
@@ -240,12 +328,10 @@ def test_what_is_not_compiled_runs_plain_and_says_why(body, words):
     with pytest.raises(ModelError, match=words), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         simulate(system, 1.0, backend="compiled")
-    if "s[" not in body and "if s.x > 2:\n        return" not in body:
+    if "s[" not in body:
         with pytest.warns(UserWarning, match="'one' runs in plain Python, because the flow"):
-            try:
-                assert simulate(one(flow, start={"x": 0.5}), 1.0).work.backend == "plain"
-            except ModelError as error:
-                assert "returns None" in str(error)
+            run = simulate(one(flow, start={"x": 0.5}), 1.0, method="RK4", step=0.5)
+        assert run.work.backend == "plain"
 
 
 # ---------------------------------------------------------------- never an old value
@@ -353,9 +439,23 @@ def test_a_logistic_switch_whose_exp_overflows(kind):
     assert run.final["x"] == pytest.approx(-4 / 3, abs=2e-3)
 
 
-FAILURES = """1/(s.x-1)  math.sqrt(-s.x)  math.log(s.x-1)  (-s.x)**0.5  (s.x-1)**-1  s.x%(s.x-1)
-    s.x//(s.x-1)  int(1e308*s.x*10)  math.asin(2*s.x)  math.fmod(s.x,0.0)  (1e200*s.x)**2
-    1/(1+1/(s.x-1))  max(0.0,math.log(s.x-1))  U[int(5*s.x)]  1/(U[0]-1)""".split()
+FAILURES = [
+    "1/(s.x-1)",
+    "math.sqrt(-s.x)",
+    "math.log(s.x-1)",
+    "(-s.x)**0.5",
+    "(s.x-1)**-1",
+    "s.x%(s.x-1)",
+    "s.x//(s.x-1)",
+    "int(1e308*s.x*10)",
+    "math.asin(2*s.x)",
+    "math.fmod(s.x,0.0)",
+    "(1e200*s.x)**2",
+    "1/(1+1/(s.x-1))",
+    "max(0.0,math.log(s.x-1))",
+    "U[int(5*s.x)]",
+    "1/(U[0]-1)",
+]
 
 
 def test_a_failure_is_not_a_number_in_both():
@@ -434,7 +534,7 @@ GOOD = flow_of("s.v", "-p.g")
         ("'ab'", "returns 'ab': it must return a tuple"),
         ("(s.v, '-9.81')", "returns '-9.81' for 'v': it must be a number"),
         ("(s.v, None)", "returns None for 'v': it must be a number"),
-        ("(s['v'], -p.g)", r"read as s.x, not s\['x'\]"),
+        ("(s['v'], -p.g)", r"read as s.v, not s\['v'\]"),
         ("(s[5], 0.0)", "the flow of mode 'm' fails at the start, .*IndexError"),
         ("(s.v, -G)", "the flow of mode 'm' asks for a name that is not there .*'G'"),
         ("(s.v, -p.G)", "unknown name: 'P' object has no attribute 'G'"),

@@ -1,4 +1,6 @@
-"""Held variables and resets that name what changes: the model's checks, and the functions of both back ends."""
+"""Held variables and resets that name what changes: the model's checks, and the functions of
+both back ends.
+"""
 
 import ctypes
 
@@ -12,7 +14,9 @@ from labkit.solve.source import RESET
 
 
 def circuit(**changed):
-    """A capacitor that is charged and discharged through a load, which a switch of loads changes."""
+    """A capacitor that is charged and discharged through a load, which a switch of loads
+    changes.
+    """
     charge = Mode("charge", lambda t, s, p: (s.i, (p.U - s.u) / s.load))
     discharge = Mode("discharge", lambda t, s, p: (-s.u / (s.load + 0 * s.turns),), {"u": "V"})
     transitions = [

@@ -728,7 +728,7 @@ def test_import_is_light():
 
 def with_the_core_only(folder, program):
     """What a program prints whose cache has the compiled core (it takes long, so it is lent) and what earlier programs left there."""
-    core = backends._kept(backends.CORE + backends.HOW)
+    core = backends._kept(backends.CORE_KEY)
     folder.chmod(0o700)
     (folder / core).write_bytes(cache.read(core))
     root = os.path.dirname(os.path.dirname(__file__))

@@ -1,11 +1,13 @@
-"""The compiled back end: core.py once for all models, a model's functions as one small C function, both kept on disk.
+"""The compiled back end: core.py once for all models, a model's functions as one small C function,
+both kept on disk.
 
     code = compiled(system)          -> Code, or None while it is still being made in the background
     code = compiled(system, wait=True)
 
-The core is compiled in a process of its own (`python -m labkit.solve`), so that a slider goes on meanwhile; a model is
-compiled in a thread. What is kept on disk is keyed by everything it was made from: the sources, every constant and
-helper they read, the versions of Python, Numba and LLVM, and the processor. A changed constant is another key.
+The core is compiled in a process of its own (`python -m labkit.solve`), so that a slider goes on
+meanwhile; a model is compiled in a thread. What is kept on disk is keyed by everything it was made
+from: the sources, every constant and helper they read, the versions of Python, Numba and LLVM, and
+the processor. A changed constant is another key.
 """
 
 from __future__ import annotations
@@ -34,13 +36,14 @@ from ..model import ModelError, System
 from . import cache as kept
 from . import core
 from .checked import intrinsics
-from .kinds import Unfit
 from .reads import Reads
 from .source import FAILED, FLOW, GUARDS, RESET, Program
 
 try:
     import llvmlite
-    import llvmlite.binding as llvm  # light; Numba itself is imported when something is to be compiled
+
+    # light; Numba itself is imported when something is to be compiled
+    import llvmlite.binding as llvm
 except ImportError:  # a browser, a locked-down laptop: the plain back end is all there is
     llvm = None
 
@@ -66,10 +69,10 @@ _imported = threading.Event()
 def _import() -> None:
     """Import all that compiling takes, while `compiled` keeps the cell from going on.
 
-    Beside a running cell this can fail, and the model would stay plain: of 264 first runs of a notebook on a busy machine
-    one did ("dictionary changed size during iteration"). Numba also parses signatures on its way, and two threads that
-    parse at once are an error in Python up to 3.12 (gh-106905). In the cell's own thread an interrupt would leave it half
-    imported.
+    Beside a running cell this can fail, and the model would stay plain: of 264 first runs of a
+    notebook on a busy machine one did ("dictionary changed size during iteration"). Numba also
+    parses signatures on its way, and two threads that parse at once are an error in Python up to
+    3.12 (gh-106905). In the cell's own thread an interrupt would leave it half imported.
     """
     from numba.core.registry import cpu_target
 
@@ -82,7 +85,9 @@ ENTRY = "labkit_entry"
 
 
 def _read(text: str) -> Native | None:
-    """The C function kept under `text`; None if missing, damaged, written by another version: it is only a cache."""
+    """The C function kept under `text`; None if missing, damaged, written by another version: it
+    is only a cache.
+    """
     data = kept.read(_kept(text))
     return _load(data) if data else None
 
@@ -102,7 +107,9 @@ def _packed(machine_code: bytes, bitcode: bytes) -> bytes:
 
 
 def _load(data: bytes) -> Native | None:
-    """Machine code made ready: by LLVM alone; by Numba where it calls what only Numba brings along (arrays made inside)."""
+    """Machine code made ready: by LLVM alone; by Numba where it calls what only Numba brings
+    along (arrays made inside).
+    """
     digest, body = data[:32], data[32:]
     if len(body) < 8 or hashlib.sha256(body).digest() != digest:
         return None
@@ -203,7 +210,8 @@ def _source(name: str) -> str:
     return Path(__file__).with_name(f"{name}.py").read_text(encoding="utf8")
 
 
-# Read when this module is: files that change under a running kernel (an update) must not meet the functions it has.
+# Read when this module is: files that change under a running kernel (an update) must not meet the
+# functions it has.
 #: The core's files as one source: each takes from those before it.
 CORE = "\n".join(
     line
@@ -211,12 +219,15 @@ CORE = "\n".join(
     for line in _source(name).splitlines()
     if not line.startswith("from .")
 )
-#: What compiled code depends on besides: how it is made.
+#: What the compiled core depends on, and what compiled models depend on besides: how they are made.
+CORE_KEY = CORE + _source("backend") + repr((FLOW, GUARDS, RESET))
 HOW = "\n".join(map(_source, ("backend", "source", "translate", "checked", "kinds")))
 
 
 def _make_core() -> bytes:
-    """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function of an address table."""
+    """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function
+    of an address table.
+    """
     import operator
 
     from llvmlite import ir
@@ -233,8 +244,10 @@ def _make_core() -> bytes:
         type_callable,
     )
 
-    # `w` is one pointer, to a table of addresses and shapes; w.k is made from its entries. (Passed as a named tuple of sixty
-    # arrays, every call had four hundred arguments and the core took a minute to compile; Numba's own arrays count
+    # `w` is one pointer, to a table of addresses and shapes; w.k is made from its entries. (Passed
+    # as a named tuple of sixty
+    # arrays, every call had four hundred arguments and the core took a minute to compile; Numba's
+    # own arrays count
     # their references, and each count is a call that keeps LLVM from seeing through.)
     class Table(nb.Type):
         def __init__(self):
@@ -276,7 +289,8 @@ def _make_core() -> bytes:
         start, block = places[name]
 
         def entry(k):
-            # Nothing writes to the table while the core runs. Unless LLVM is told, it reads the table again after every store
+            # Nothing writes to the table while the core runs. Unless LLVM is told, it reads the
+            # table again after every store
             loaded = builder.load(builder.gep(value, [ir.Constant(ir.IntType(64), start + k)]))
             loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
             return loaded
@@ -359,7 +373,7 @@ def _make_core() -> bytes:
         f"""
 def flow(model, mode, t, y, p, out): call(model, {FLOW}, mode, t, y, p, out)
 def guards(model, mode, t, y, p, out): call(model, {GUARDS}, mode, t, y, p, out)
-def reset(model, transition, mode, t, y, p, out): call(model, {RESET} + mode, transition, t, y, p, out)
+def reset(model, which, mode, t, y, p, out): call(model, {RESET} + mode, which, t, y, p, out)
 def external_step(model, w, p, t, h): return 0.0
 def row(p, lane, parameters): return p + 8 * parameters * lane
 def entry(table): return sweep(table[0], as_workspace(table), table[1], table[2])
@@ -377,7 +391,9 @@ def entry(table): return sweep(table[0], as_workspace(table), table[1], table[2]
 
 
 def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace) -> np.ndarray:
-    """The table that the compiled `entry` reads: model, p, budget, one spare, then address and shape of every field."""
+    """The table that the compiled `entry` reads: model, p, budget, one spare, then address and
+    shape of every field.
+    """
     table = [model, p.ctypes.data, budget, 0]
     for array in w:
         table.append(array.__array_interface__["data"][0])
@@ -406,7 +422,9 @@ def _make_model(program: Program) -> bytes:
 
 
 class Code:
-    """Compiled code of one system: run(address) goes on with the runs that the table of `addresses` there describes."""
+    """Compiled code of one system: run(address) goes on with the runs that the table of
+    `addresses` there describes.
+    """
 
     def __init__(self, core_function: Native, model_function: Native):
         self._alive = core_function, model_function
@@ -423,7 +441,8 @@ class _State:
         self.error: Exception | None = None
         self.key = ""
         try:
-            # The syntax trees are made here: two threads at it at once is an error in Python up to 3.12 (gh-106905)
+            # The syntax trees are made here: two threads at it at once is an error in Python up to
+            # 3.12 (gh-106905)
             self.program = Program(system, self.reads)
             self.key = self.program.key + HOW
         except (
@@ -452,9 +471,10 @@ def _settle() -> None:
 def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code | None:
     """compiled(system) -> Code, or None while it is being made (or cannot be).
 
-    wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at most and raises
-    nothing. What only has to be read from disk is there at once; Numba's imports are waited for (a second, once), because
-    they and a running cell can break each other: see _import.
+    wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at
+    most and raises nothing. What only has to be read from disk is there at once; Numba's imports
+    are waited for (a second, once), because they and a running cell can break each other: see
+    _import.
     """
     if why := _unavailable():
         if wait:
@@ -531,7 +551,9 @@ def _prepare(system: System, state: _State) -> None:
 
 
 def load_core(here: bool = False) -> None:
-    """Load the compiled core; the first time on a machine it is compiled in a process of its own (here=True: in this one)."""
+    """Load the compiled core; the first time on a machine it is compiled in a process of its own
+    (here=True: in this one).
+    """
     global _core
     if _core is not None:
         return
@@ -556,8 +578,8 @@ def load_core(here: bool = False) -> None:
                         ),
                     },
                 )
-            _core = _read(CORE + HOW) or _made(CORE + HOW, _make_core())
+            _core = _read(CORE_KEY) or _made(CORE_KEY, _make_core())
 
 
 def core_is_kept() -> bool:
-    return kept.has(_kept(CORE + HOW))
+    return kept.has(_kept(CORE_KEY))

@@ -1,7 +1,7 @@
 """Where compiled code is kept between sessions: read(name) -> bytes or None; write(name, data).
 
-What lies there is machine code that will be run. So a folder serves only if it is the user's own and nobody else can
-write to it; otherwise nothing outlives the process.
+What lies there is machine code that will be run. So a folder serves only if it is the user's own
+and nobody else can write to it; otherwise nothing outlives the process.
 """
 
 from __future__ import annotations
@@ -24,14 +24,18 @@ def wanted() -> Path:
     if os.environ.get("LABKIT_CACHE"):
         return Path(os.environ["LABKIT_CACHE"])
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "labkit"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "labkit"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "labkit"
+        home = Path(os.environ.get("LOCALAPPDATA", Path.home()))
+    elif sys.platform == "darwin":
+        home = Path.home() / "Library" / "Caches"
+    else:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return home / "labkit" / "code"
 
 
 def folder() -> Path:
-    """folder() -> the user's folder for compiled code; if that is not safe, one that this process makes and removes."""
+    """folder() -> the user's folder for compiled code; if that is not safe, one that this
+    process makes and removes.
+    """
     with suppress(OSError, RuntimeError):  # RuntimeError: a user without a home
         path = wanted()
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -48,7 +52,9 @@ def _temporary() -> Path:
 
 
 def _is_ours(found: os.stat_result, kind) -> bool:
-    """No link, owned by this user, and no one else may write to it. (Windows keeps a user's folders by other means.)"""
+    """No link, owned by this user, and no one else may write to it. (Windows keeps a user's
+    folders by other means.)
+    """
     if sys.platform == "win32":
         return kind(found.st_mode)
     return kind(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & 0o022

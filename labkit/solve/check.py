@@ -1,12 +1,14 @@
 """A model's functions tried, and what is wrong with them in words.
 
 check_functions(system, p, t, start, mode)      raises ModelError, before anything runs
-trouble(system, mode, t, y, p)                  why a run can go no further there, "" if the functions are not to blame
+trouble(system, mode, t, y, p)                  why a run can go no further there, "" if the
+                                                functions are not to blame
 """
 
 from __future__ import annotations
 
 import os
+import re
 import traceback
 from collections.abc import Callable, Mapping, Set
 
@@ -14,7 +16,8 @@ import numpy as np
 
 from ..model import ModelError, System
 
-#: What is wrong with the text of a function, wherever the state may be; anything else depends on the state.
+#: What is wrong with the text of a function, wherever the state may be; anything else depends on
+#: the state.
 MISTAKES = (TypeError, NameError, AttributeError, ImportError)
 HERE = os.path.dirname(__file__)
 
@@ -48,7 +51,9 @@ def check_functions(
 
 
 def vector(values: object, what: str, names: tuple[str, ...], kind: str) -> object:
-    """vector(values, "the flow of mode 'm'", ("x", "v"), "derivatives") -> values, or a ModelError in words."""
+    """vector(values, "the flow of mode 'm'", ("x", "v"), "derivatives") -> values, or a
+    ModelError in words.
+    """
     shape = f"it must return a tuple of {len(names)} {kind} ({', '.join(names)})"
     if isinstance(values, Set):
         raise ModelError(f"{what} returns a set, which has no order: {shape}, in ( ), not in {{ }}")
@@ -78,7 +83,9 @@ def _missing(value: object) -> str:
 
 
 def _number(value: object, what: str, name: str = "") -> float | complex:
-    """One number that a function returned; a ModelError for what is none. A complex one is as good as NaN."""
+    """One number that a function returned; a ModelError for what is none. A complex one is as
+    good as NaN.
+    """
     if isinstance(value, complex | np.complexfloating):
         return float("nan")
     if isinstance(value, np.ndarray) and value.size == 1:
@@ -104,7 +111,9 @@ def at(t: float, s: tuple) -> str:
 
 
 def line_of(error: BaseException) -> str:
-    """line_of(error) -> " (line 5: U[int(t)])", the line of a model's text where it was raised; "" if in none."""
+    """line_of(error) -> " (line 5: U[int(t)])", the line of a model's text where it was raised;
+    "" if in none.
+    """
     frames = [
         f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(HERE)
     ]
@@ -115,7 +124,9 @@ def line_of(error: BaseException) -> str:
 
 
 def mistake(error: Exception, what: str, t: float, s: tuple, p: tuple) -> str:
-    """mistake(error, "the flow of mode 'm'", t, s, p) -> words for a mistake in the text of a function; "" if it is none."""
+    """mistake(error, "the flow of mode 'm'", t, s, p) -> words for a mistake in the text of a
+    function; "" if it is none.
+    """
     if isinstance(error, ModelError):
         return str(error)
     if not isinstance(error, MISTAKES) or "complex" in str(error):
@@ -128,9 +139,12 @@ def mistake(error: Exception, what: str, t: float, s: tuple, p: tuple) -> str:
         )
     if isinstance(error, AttributeError):
         states, parameters = list(s._fields), list(p._fields)
-        return f"{what} asks for an unknown name: {text}{where}; states {states}, parameters {parameters}"
+        names = f"states {states}, parameters {parameters}"
+        return f"{what} asks for an unknown name: {text}{where}; {names}"
     if "tuple indices must be integers" in text:
-        return f"{what} fails{where}: a state or parameter is read as s.{s._fields[0]}, not s['{s._fields[0]}']"
+        asked = [word for word in re.findall(r"\[['\"](\w+)['\"]\]", where) if word in s._fields]
+        name = asked[0] if asked else s._fields[0]
+        return f"{what} fails{where}: a state or parameter is read as s.{name}, not s['{name}']"
     if isinstance(error, NameError):
         return f"{what} asks for a name that is not there{where}: {text}"
     if "positional argument" in text and not where:
@@ -142,7 +156,9 @@ _FAILED = object()
 
 
 def _call(function: Callable, what: str, t: float, s: tuple, p: tuple, here: bool) -> object:
-    """What a function returns; _FAILED where it does not, unless that is a mistake or happens at the start."""
+    """What a function returns; _FAILED where it does not, unless that is a mistake or happens at
+    the start.
+    """
     try:
         return function(t, s, p)
     except Exception as error:
@@ -185,7 +201,8 @@ def _check_vector(
     values = _call(function, what, t, s, p, here)
     if values is _FAILED:
         return
-    for name, value in zip(names, vector(values, what, names, kind), strict=True):  # type: ignore[call-overload]
+    # type: ignore[call-overload]
+    for name, value in zip(names, vector(values, what, names, kind), strict=True):
         if not abs(_number(value, what, name)) < float("inf") and here:
             raise ModelError(
                 f"{what} returns {value} for {name!r} at the start, {at(t, s)}: "
@@ -194,9 +211,11 @@ def _check_vector(
 
 
 def trouble(system: System, mode: str, t: float, y: list[float], p: tuple) -> str:
-    """trouble(system, "m", t, y, p) -> what a function of the mode raises there or just ahead, "" if nothing.
+    """trouble(system, "m", t, y, p) -> what a function of the mode raises there or just ahead, ""
+    if nothing.
 
-    For the words at the end of a run: the back ends only see that a step is not a number. `y` is in the order of S[mode].
+    For the words at the end of a run: the back ends only see that a step is not a number. `y` is in
+    the order of S[mode].
     """
     kind, n = system.S[mode], len(system.states_of(mode))
     flow = system.modes[mode].flow
@@ -214,5 +233,6 @@ def trouble(system: System, mode: str, t: float, y: list[float], p: tuple) -> st
                 slope = [*map(float, values)] if function is flow else slope
             except Exception as error:
                 if not isinstance(error, OverflowError):
-                    return f"not a number: {what} fails near {at(t, s)}: {type(error).__name__}: {error}{line_of(error)}"
+                    kind_of = f"{type(error).__name__}: {error}{line_of(error)}"
+                    return f"{what} fails near {at(t, s)}: {kind_of}"
     return ""

@@ -1,7 +1,9 @@
-"""The functions of `math`, powers and whole numbers made of floats, compiled so that they fail where Python's do.
+"""The functions of `math`, powers and whole numbers made of floats, compiled so that they fail
+where Python's do.
 
-In the common source they are called do_sqrt(x), do_power(x, y) …; `intrinsics(names)` makes them for Numba. A failure
-leaves the compiled function as an exception does; the caller's answer is then NaN. An overflow of exp is infinity.
+In the common source they are called do_sqrt(x), do_power(x, y) …; `intrinsics(names)` makes them
+for Numba. A failure leaves the compiled function as an exception does; the caller's answer is then
+NaN. An overflow of exp is infinity.
 """
 
 from __future__ import annotations
@@ -17,13 +19,31 @@ NEVER, STRICT, LOOSE, POWER, POLE, WHOLE = range(6)
 CHECKED: dict[str, tuple[object, int, int]] = {
     **{
         f"do_{name}": (getattr(math, name), 1, STRICT)
-        for name in (
-            "sqrt log log2 log10 log1p sin cos tan asin acos atan asinh acosh atanh tanh erf erfc "
-            "fabs degrees radians"
-        ).split()
+        for name in [
+            "sqrt",
+            "log",
+            "log2",
+            "log10",
+            "log1p",
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "asinh",
+            "acosh",
+            "atanh",
+            "tanh",
+            "erf",
+            "erfc",
+            "fabs",
+            "degrees",
+            "radians",
+        ]
     },
-    **{f"do_{name}": (getattr(math, name), 1, LOOSE) for name in "exp expm1 sinh cosh".split()},
-    **{f"do_{name}": (getattr(math, name), 2, NEVER) for name in "atan2 copysign".split()},
+    **{f"do_{name}": (getattr(math, name), 1, LOOSE) for name in ["exp", "expm1", "sinh", "cosh"]},
+    **{f"do_{name}": (getattr(math, name), 2, NEVER) for name in ["atan2", "copysign"]},
     "do_hypot": (math.hypot, 2, LOOSE),
     "do_fmod": (math.fmod, 2, STRICT),
     "do_pow": (math.pow, 2, POLE),
@@ -33,7 +53,7 @@ CHECKED: dict[str, tuple[object, int, int]] = {
     "do_square": (2, 1, POWER),
     "do_cube": (3, 1, POWER),
     "do_fourth": (4, 1, POWER),
-    **{f"do_{name}": (f"llvm.{name}", 1, WHOLE) for name in "trunc floor ceil rint".split()},
+    **{f"do_{name}": (f"llvm.{name}", 1, WHOLE) for name in ["trunc", "floor", "ceil", "rint"]},
 }
 #: what may be called by that name in `math`
 OF_MATH = {what: name for name, (what, _, _) in CHECKED.items() if type(what) is type(math.sin)}
@@ -41,7 +61,9 @@ OF_MATH.pop(operator.pow, None)
 
 
 def intrinsics(names: set[str]) -> dict[str, object]:
-    """intrinsics({"do_sqrt"}) -> the functions that go under these names when the source is compiled by Numba."""
+    """intrinsics({"do_sqrt"}) -> the functions that go under these names when the source is
+    compiled by Numba.
+    """
     return {name: _make(*CHECKED[name]) for name in names if name in CHECKED}
 
 

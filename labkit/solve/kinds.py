@@ -1,8 +1,8 @@
 """What the translator knows of a value before the model runs.
 
-Whole numbers are the reason. Python's have no end; a processor's wrap around at 2⁶³. In compiled code they are computed
-as floats, which is exact up to 2⁵³, and `bound` says how large they can become; where that is not known to be enough,
-the model runs in plain Python.
+Whole numbers are the reason. Python's have no end; a processor's wrap around at 2⁶³. In compiled
+code they are computed as floats, which is exact up to 2⁵³, and `bound` says how large they can
+become; where that is not known to be enough, the model runs in plain Python.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ MADE = (
 
 
 class Unfit(Exception):
-    """A function cannot be compiled, or not so that it is sure to give Python's numbers; the message says why."""
+    """A function cannot be compiled, or not so that it is sure to give Python's numbers; the
+    message says why.
+    """
 
 
 @dataclass(frozen=True)

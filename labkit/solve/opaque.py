@@ -1,7 +1,8 @@
-"""A model function without source text (made by exec): compiled as it is, if it reckons with floats only.
+"""A model function without source text (made by exec): compiled as it is, if it reckons with floats
+only.
 
-Numba reads its bytecode. Whole numbers, calls and powers, in which compiled code would differ from Python, are excluded;
-then nothing is left to be translated.
+Numba reads its bytecode. Whole numbers, calls and powers, in which compiled code would differ from
+Python, are excluded; then nothing is left to be translated.
 """
 
 from __future__ import annotations

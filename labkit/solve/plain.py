@@ -3,9 +3,10 @@
     model = Plain(system, orientations(system))
     model.flow[mode](t, y, p, out)
 
-What a function cannot answer is NaN, as in the compiled back end, and the core then rejects the step: a division by
-zero, a root of a negative number, an index beyond its table, anything that is raised. An overflow of math.exp and its
-kind is infinity. What is a mistake in the text of a function, wherever the state may be, is a ModelError.
+What a function cannot answer is NaN, as in the compiled back end, and the core then rejects the
+step: a division by zero, a root of a negative number, an index beyond its table, anything that is
+raised. An overflow of math.exp and its kind is infinity. What is a mistake in the text of a
+function, wherever the state may be, is a ModelError.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ Pieces = list[tuple[Callable, float, float]]
 
 
 def orientations(system: System) -> list[Pieces]:
-    """orientations(system) -> per mode its guards as (function, sign, tolerance), turned so that a directed event is the rise."""
+    """orientations(system) -> per mode its guards as (function, sign, tolerance), turned so that
+    a directed event is the rise.
+    """
     return [
         [
             (tr.guard, -1.0 if tr.direction < 0 else 1.0, tr.tolerance)
@@ -37,9 +40,11 @@ def orientations(system: System) -> list[Pieces]:
 
 
 class Plain:
-    """Plain(system, orientations(system)): flow, guards and reset as lists of functions, by mode or transition.
+    """Plain(system, orientations(system)): flow, guards and reset as lists of functions, by mode or
+    transition.
 
-    A state is a list of `width` numbers, of which a mode uses the first, and the held variables behind.
+    A state is a list of `width` numbers, of which a mode uses the first, and the held variables
+    behind.
     """
 
     def __init__(self, system: System, orientations: list[Pieces]):
@@ -141,7 +146,9 @@ def _reset(system: System, transition: Transition, states: list[Callable]) -> Ca
 
 
 def _rescue(what: str, function: Callable | None, names: tuple[str, ...] | None) -> Callable:
-    """_rescue(what, f, names)(error, t, s, p) -> the values all the same, NaN, or a ModelError; names None: one value."""
+    """_rescue(what, f, names)(error, t, s, p) -> the values all the same, NaN, or a ModelError;
+    names None: one value.
+    """
     ieee: list[Callable] = []
 
     def rescue(error: Exception, t: float, s: tuple, p: tuple) -> list[float]:
@@ -173,13 +180,15 @@ def _infinite(function: Callable) -> Callable:
 
 _INFINITE = {
     name: _infinite(getattr(math, name))
-    for name in "exp exp2 expm1 cosh sinh gamma lgamma pow hypot ldexp".split()
+    for name in ["exp", "exp2", "expm1", "cosh", "sinh", "gamma", "lgamma", "pow", "hypot", "ldexp"]
     if hasattr(math, name)
 }
 
 
 def _with_infinity(function: Callable) -> Callable:
-    """A copy of a function in which, and in whose helpers, an overflow of math.exp and its kind is infinity."""
+    """A copy of a function in which, and in whose helpers, an overflow of math.exp and its kind
+    is infinity.
+    """
     copies: dict = {}
 
     def swap(value: object, name: str) -> object:

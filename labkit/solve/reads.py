@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
-
 _NOTHING = object()
 
 
 class Reads:
-    """Reads(): looks things up, and remembers how and what was there; a copy of what can be changed in place."""
+    """Reads(): looks things up, and remembers how and what was there; a copy of what can be
+    changed in place.
+    """
 
     def __init__(self) -> None:
         self._done: dict[tuple, Any] = {}
@@ -56,11 +57,15 @@ class Reads:
         return self._read(("attribute", id(value), name), lambda: getattr(value, name))
 
     def default(self, function: types.FunctionType, name: str, value: Any) -> Any:
-        """reads.default(f, "table", value) -> value, the default of an argument, which may change in place."""
+        """reads.default(f, "table", value) -> value, the default of an argument, which may
+        change in place.
+        """
         return self._read(("default", id(function), name), lambda: value)
 
     def text(self, function: types.FunctionType) -> None:
-        """reads.text(f): its code and defaults, which some tools replace while the function stays."""
+        """reads.text(f): its code and defaults, which some tools replace while the function
+        stays.
+        """
         if ("text", id(function)) not in self._done:
             self._done["text", id(function)] = function
             parts = function.__code__, function.__defaults__, function.__kwdefaults__

@@ -6,8 +6,9 @@
     program.reads       what was read from outside, to see whether it is still the same
     program.key         text that is another for other code
 
-One function instead of a dozen, because Numba's time goes by functions: a model of four modes takes 0.4 s this way and
-2.4 s as separate functions. With FAILED added to `what` it fills out with NaN, for the caller to use when it has failed.
+One function instead of a dozen, because Numba's time goes by functions: a model of four modes takes
+0.4 s this way and 2.4 s as separate functions. With FAILED added to `what` it fills out with NaN,
+for the caller to use when it has failed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ DEEPEST = 40  # helpers that call helpers
 
 
 class Program:
-    """Program(system): see the module's docstring. Raises Unfit, in words, for what must run in plain Python."""
+    """Program(system): see the module's docstring. Raises Unfit, in words, for what must run in
+    plain Python.
+    """
 
     def __init__(self, system: System, reads: Reads | None = None):
         self.system, self.modes = system, list(system.modes)
@@ -100,7 +103,9 @@ class Program:
     def _expression(
         self, function: Callable, what: str, prefix: str, mode: str
     ) -> tuple[str, bool]:
-        """A function of one number as an expression, a helper where it is more than one return; and whether it may fail."""
+        """A function of one number as an expression, a helper where it is more than one return;
+        and whether it may fail.
+        """
         body = self._body(function, what, prefix, mode, _one)
         if len(body.lines) == 1:
             return f"({body.lines[0].removeprefix('return ')})", body.fails
@@ -209,7 +214,9 @@ class Program:
         return self._names[value]
 
     def table(self, value: Any) -> Piece | None:
-        """program.table([1.0, 2.0]) -> the name of an array, and its kind; None if these are no numbers."""
+        """program.table([1.0, 2.0]) -> the name of an array, and its kind; None if these are no
+        numbers.
+        """
         try:
             array = np.ascontiguousarray(value)
         except ValueError:  # rows of different lengths
@@ -253,12 +260,15 @@ class Program:
         text = f"    if what >= {FAILED}:\n        count = {most}\n"
         text += f"        if what == {FAILED + FLOW}:\n            count = {self.system.width}\n"
         for m, count in enumerate(counts):
-            text += f"        if what == {FAILED + GUARDS} and index == {m}:\n            count = {count}\n"
+            text += f"        if what == {FAILED + GUARDS} and index == {m}:\n"
+            text += f"            count = {count}\n"
         return text + "        for i in range(count):\n            out[i] = nan\n        return\n"
 
 
 def _fill(places: list[int], keep: list[str]) -> Callable[[Body, Any], list[str]]:
-    """_fill([0, 1], []) -> what a `return` becomes: its values go to these places of out; then `keep`."""
+    """_fill([0, 1], []) -> what a `return` becomes: its values go to these places of out; then
+    `keep`.
+    """
 
     def finish(body: Body, value: Any) -> list[str]:
         pieces = body.all_items(value)
@@ -281,7 +291,9 @@ def _fill(places: list[int], keep: list[str]) -> Callable[[Body, Any], list[str]
 
 
 def _store(values: dict[int, str]) -> list[str]:
-    """Statements that put expressions into their places of out, all worked out before the first is put."""
+    """Statements that put expressions into their places of out, all worked out before the first
+    is put.
+    """
     if len(values) == 1:
         return [*(f"out[{i}] = {text}" for i, text in values.items()), "return"]
     lines = [f"value_{i} = {text}" for i, text in values.items()]

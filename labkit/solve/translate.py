@@ -1,12 +1,15 @@
-"""One model function, or a helper that it calls, as source for Numba, with everything known in advance put in its place.
+"""One model function, or a helper that it calls, as source for Numba, with everything known in
+advance put in its place.
 
     body = Body(program, f, "the flow of mode 'm'", kinds of its arguments, prefix, finish)
     body.lines          statements; names are kept apart by the prefix
-    body.fails          whether it may end in a failure (a division by zero, an index beyond its table …)
+    body.fails          whether it may end in a failure (a division by zero, an index beyond its
+                        table …)
 
-`s.v` becomes s[1], `p.g` p[0], and a constant its value, be it in a module, an object or a default argument. What is
-known is computed by Python itself; the branch that a known condition rules out is left out. What cannot be compiled,
-or not so that it is sure to give Python's numbers, raises Unfit: then the model runs in plain Python.
+`s.v` becomes s[1], `p.g` p[0], and a constant its value, be it in a module, an object or a default
+argument. What is known is computed by Python itself; the branch that a known condition rules out is
+left out. What cannot be compiled, or not so that it is sure to give Python's numbers, raises Unfit:
+then the model runs in plain Python.
 """
 
 from __future__ import annotations
@@ -238,7 +241,9 @@ class Body:
             raise self.no(node, f"changes something in place: {_short(node)}")
 
     def _once(self, piece: Piece) -> Piece:
-        """The piece under a name, so that its parts can be taken without computing all of it again."""
+        """The piece under a name, so that its parts can be taken without computing all of it
+        again.
+        """
         text, kind = piece
         if not isinstance(kind, Items) or text.isidentifier():
             return piece
@@ -271,7 +276,9 @@ class Body:
 
     @staticmethod
     def _joined(one: dict[str, Any], two: dict[str, Any]) -> dict[str, Any]:
-        """The kinds after two branches; a name that only one of them sets, or that differs, is not to be read."""
+        """The kinds after two branches; a name that only one of them sets, or that differs, is
+        not to be read.
+        """
         made = {}
         for name in one.keys() & two.keys():
             try:
@@ -325,7 +332,9 @@ class Body:
             raise self.no(node, "has a loop with `else`, which is not compiled")
 
     def _loop(self, node: ast.For | ast.While, head: Callable[[], str], count: int | None) -> None:
-        """A loop: its body is gone through until the kinds of its variables change no more, then written."""
+        """A loop: its body is gone through until the kinds of its variables change no more, then
+        written.
+        """
         outside = self.env.copy()
         history = [outside]
         unrolling, self._unrolling = self._unrolling, False
@@ -389,12 +398,15 @@ class Body:
         return True
 
     def _iterated(self, node: ast.expr) -> list[Piece] | None:
-        """The items that a loop goes over, enumerate and zip included, if they are known one by one."""
+        """The items that a loop goes over, enumerate and zip included, if they are known one by
+        one.
+        """
         if isinstance(node, ast.Call) and not node.keywords:
             if self._is(node.func, zip):
                 columns = [self._iterated(each) for each in node.args]
                 if None not in columns:
-                    return [_tuple(row) for row in zip(*columns, strict=False)]  # type: ignore[arg-type]
+                    # type: ignore[arg-type]
+                    return [_tuple(row) for row in zip(*columns, strict=False)]
                 return None
             if self._is(node.func, enumerate) and len(node.args) == 1:
                 column = self._iterated(node.args[0])
@@ -624,7 +636,7 @@ class Body:
         if None in kinds or any(sign[0] in ("is", "is not", "in", "not in") for sign in signs):
             raise self.no(node, f"compares what is not compiled: {_short(node)}")
         for kind in kinds:
-            self._every_digit(kind, node)
+            self._not_larger(kind.bound, node)
         return self._plainly(signs, [counted(piece) for piece in pieces]), TRUTH
 
     @staticmethod
@@ -706,11 +718,7 @@ class Body:
             ast.FloorDiv: x.bound,
             ast.Mod: y.bound,
         }[op]
-        if bound is not None and bound > LARGE:
-            raise self.no(
-                node,
-                f"has whole numbers that may grow beyond 2**63, {_short(node)}: make one of them a float",
-            )
+        self._not_larger(bound, node)
         floating = bound is None or x.floating or y.floating
         kind = Number(floating, bound, numpy)
         return f"({self._float(left)} {sign} {self._float(right)})", kind
@@ -723,11 +731,7 @@ class Body:
         if x.bound is not None and y.bound is not None:
             self._own_rules(node, x, y)
             bound = 1.0 if x.bound <= 1 else _grown(x.bound, y.bound)
-            if bound > LARGE:
-                raise self.no(
-                    node,
-                    f"has whole numbers that may grow beyond 2**63, {_short(node)}: make one of them a float",
-                )
+            self._not_larger(bound, node)
         floating = x.floating or y.floating or exponent is None or exponent < 0
         numpy = x.numpy or y.numpy
         kind = Number(floating or bound is None, bound, numpy)
@@ -740,6 +744,14 @@ class Body:
             )
         return f"do_power({self._float(left)}, {self._float(right)})", kind
 
+    def _not_larger(self, bound: float | None, node: ast.AST) -> None:
+        if bound is not None and bound > LARGE:
+            raise self.no(
+                node,
+                f"has whole numbers that may grow beyond 2**63, {_short(node)}: "
+                "make one of them a float",
+            )
+
     def _every_digit(self, kind: Number, node: ast.AST) -> None:
         if kind.bound is not None and kind.bound > EXACT:
             raise self.no(
@@ -750,7 +762,8 @@ class Body:
         if x.numpy or y.numpy:
             raise self.no(
                 node,
-                f"reckons with NumPy's whole numbers, which have rules of their own: {_short(node)}",
+                "reckons with NumPy's whole numbers, which have rules of their own: "
+                f"{_short(node)}",
             )
 
     def _float(self, piece: Piece) -> str:
@@ -909,7 +922,9 @@ class _Folding:
 
 
 def underlying(function: Any) -> tuple[types.FunctionType | None, tuple, dict]:
-    """underlying(partial(f, 2.0)) -> (f, (2.0,), {}), also of methods and objects that can be called; (None, (), {}) of others."""
+    """underlying(partial(f, 2.0)) -> (f, (2.0,), {}), also of methods and objects that can be
+    called; (None, (), {}) of others.
+    """
     function = getattr(function, "py_func", function)  # a helper under @njit
     if isinstance(function, types.FunctionType):
         return function, (), {}
@@ -919,7 +934,8 @@ def underlying(function: Any) -> tuple[types.FunctionType | None, tuple, dict]:
     if isinstance(function, types.MethodType):
         inner, first, words = underlying(function.__func__)
         return inner, (function.__self__, *first), words
-    call = getattr(type(function), "__call__", None)
+    kinds = [vars(kind) for kind in type(function).__mro__]
+    call = next((kind["__call__"] for kind in kinds if "__call__" in kind), None)
     if isinstance(call, types.FunctionType):
         return call, (function,), {}
     return None, (), {}
@@ -928,7 +944,9 @@ def underlying(function: Any) -> tuple[types.FunctionType | None, tuple, dict]:
 def bind(
     function: types.FunctionType, pieces: list[Any], named: dict[str, Any], default: Callable
 ) -> dict[str, Any]:
-    """bind(f, pieces, named, default) -> argument -> piece; default(name, value) makes the others' pieces."""
+    """bind(f, pieces, named, default) -> argument -> piece; default(name, value) makes the
+    others' pieces.
+    """
     signature = inspect.signature(function)
     bound = signature.bind(*pieces, **named)
     for name, parameter in signature.parameters.items():
