@@ -6,8 +6,8 @@ What is asked for is checked in options.py and turned into the core's numbers in
 starts.py says where runs begin, endings.py why they ended. The work is done by lanes.py and
 core.py, compiled (backend.py) or as plain Python from the same source, on the memory of a Batch
 (batch.py), which pool.py keeps for the next run and shares out over threads. methods.py has the
-tables, functions.py turns a model's functions into what the core calls, scipy_step.py lets SciPy's
-implicit methods take the steps.
+tables, plain.py and source.py turn a model's functions into what the core calls, scipy_step.py lets
+SciPy's implicit methods take the steps.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tupl
         system, mode = settings.system, settings.modes[w.i[core.MODE]]
         state = [float(w.y[place]) for place in system.places(mode).values()]
         if why := trouble(system, mode, float(w.f[core.T]), state, p):
-            return Ended.NOT_A_NUMBER, why
+            return Ended.NOT_A_NUMBER, f"not a number: {why}"
     if status not in ENDINGS:
         return _why_no_step(settings, w)
     transitions = settings.system.transitions

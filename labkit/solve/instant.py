@@ -268,7 +268,7 @@ def flight(w, q):
     if gap <= 0.0:
         return
     anchor = w.anchor[q]
-    if gap < 0.9999 * w.last_gap[q]:
+    if gap < 0.9999 * w.last_gap[q] + 4.0 * EPS * abs(t):  # as far as the clock can tell
         w.shorter[q] += 1
         anchor[1] += 1.0
         anchor[3] += 1.0
