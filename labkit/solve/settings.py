@@ -20,6 +20,8 @@ class Settings:
     """Settings(options): made once for many runs, and never changed.
 
     width, length   most states of any mode; these and the held variables: a state's vector
+    places          mode -> where its states and the held variables stand in it
+    timed           whether there are dead times or schedules
     absolute        (modes, width) the part of a tolerance that does not grow with the state, or −1
     fixed, sizes    fields of the workspace that are the same for every run; what the others' sizes
                     follow from
@@ -38,7 +40,9 @@ class Settings:
         self.modes = list(system.modes)
         self.place = {mode: index for index, mode in enumerate(self.modes)}
         self.width, self.length = system.width, system.width + len(system.held)
+        self.places = {mode: np.array([*system.places(mode).values()]) for mode in self.modes}
         self.plans = [tr for tr in system.transitions if tr.at is not None]
+        self.timed = bool(self.plans) or any(tr.delay != 0 for tr in system.transitions)
         self.absolute = self._absolute()
         self.rtol = options.rtol
         self.fixed = self._fixed()
