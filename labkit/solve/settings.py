@@ -91,6 +91,7 @@ class Settings:
             core.SAMPLES: len(options.grid),
             core.SCHEDULES: len(self.plans),
             core.POWERS: not table.Q.any(),
+            core.UNSEEN: max((s + 1 for s in range(table.stages) if not table.E[:, s].any()), default=0),
             core.OWN_SIZE: (self.absolute < 0).any(),
         }.items():
             i0[place] = value

@@ -70,13 +70,13 @@ def main() -> None:
     parser.add_argument("path", type=Path, help="the other checkout, the old one")
     parser.add_argument("problems", nargs="*", help=f"some of {', '.join(PROBLEMS)}, lanes (1,000 balls at once); default: all")
     parser.add_argument("--rounds", type=int, default=40)
-    parser.add_argument("--backends", nargs="*", default=BACKENDS)
+    parser.add_argument("--backend", choices=BACKENDS, help="default: both")
     parser.add_argument("--old-cache", help="where the old one keeps compiled code, if elsewhere")
     given = parser.parse_args()
     both = Checkout(given.path.resolve(), given.old_cache), Checkout(Path(__file__).resolve().parents[2], None)
     cases = []
     for name in given.problems or [*PROBLEMS, "lanes"]:
-        for backend in given.backends if name != "lanes" else ["compiled"]:
+        for backend in ([given.backend] if given.backend else BACKENDS) if name != "lanes" else ["compiled"]:
             for options in SETTINGS:
                 options = {**options, "backend": backend}
                 counts = [side.ask(name, options, None) for side in both]
