@@ -86,8 +86,8 @@ def simulate(
     start = {**system.start, **mapping(start)}
     values, name = start_of(system, start, mode, st.options.t0, p)
     state, first = np.zeros((1, st.length)), st.place[name]
-    state[0, list(system.places(name).values())] = values
-    lanes = np.array([p]).reshape(1, -1)
+    state[0, st.places[name]] = values
+    lanes = np.array([p], dtype=float)
     clock, refused = clocks(st, lanes)
     if refused:
         raise refused[0]
@@ -97,7 +97,7 @@ def simulate(
     ended, stopped = batch.endings[0]
     if ended is Ended.REFUSED:
         raise ModelError(stopped)
-    out = samples(batch.out.copy())
+    out = samples(batch.out)
     ledger = batch.ledger()
     run = Run(
         system,
@@ -109,7 +109,7 @@ def simulate(
         Events(system, ledger),
         stopped,
         Work(
-            *batch.done[0, _COSTS].tolist(),
+            *batch.done[0][_COSTS].tolist(),
             len(ledger),
             perf_counter() - began,
             st.method,
@@ -128,7 +128,7 @@ def simulate(
     return run
 
 
-_COSTS = [core.ACCEPTED, core.FAILED, core.RATES, core.LOOKS]
+_COSTS = slice(core.ACCEPTED, core.LOOKS + 1)  # steps, refused ones, flows, guards
 
 
 def simulate_many(
@@ -272,8 +272,9 @@ def _gather(
         [np.diff(batch.done[:, core.END], prepend=0) for batch in batches]
     )
     ends = np.cumsum(counts)
-    costs, events = np.zeros((lanes, len(_COSTS)), dtype=int), np.zeros(lanes, dtype=int)
-    costs[able], events[able] = done[:, _COSTS], done[:, core.EVENTS]
+    kept = np.zeros((lanes, done.shape[1]), dtype=int)
+    kept[able] = done
+    costs, events = kept[:, _COSTS], kept[:, core.EVENTS]
     endings = iter([each for batch in batches for each in batch.endings])
     touches, notes, lane_of, before = {}, {}, np.flatnonzero(able).tolist(), 0
     for batch in batches:

@@ -481,6 +481,8 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
             raise ModelError(f"backend='compiled' {why}: use backend='auto' or 'plain'")
         return None
     code = _compiled(system, wait)
+    if code is not None:
+        return code
     until = time.monotonic() + patience
     while (
         code is None

@@ -115,14 +115,14 @@ class Batch:
     def _keep(self, lane: int) -> None:
         """What the next lane would overwrite."""
         w, st = self.w, self.settings
-        status = int(w.done[lane][core.STATUS])
+        status = w.done[lane][core.STATUS]
         if status == core.BAD_START:
             self.endings.append((Ended.REFUSED, self._refused(lane)))
         elif status == core.FINISHED:
             self.endings.append(_FINISHED)
         else:
             p = st.system.P(*self.p[lane].tolist())
-            self.endings.append(ending(status, st, w, p))
+            self.endings.append(ending(int(status), st, w, p))
         if count := w.i[core.LEDGER]:
             self._ledger.append(self._rows("ledger", count, copy=True))
         if count := w.i[core.TOUCHES]:
@@ -130,15 +130,13 @@ class Batch:
                 Touch(float(t), st.system.transitions[int(who)].name, float(by))
                 for t, who, by in w.touch[:count]
             ]
-        if notes := self._notes(lane):
-            self.notes[lane] = notes
+        if w.i[core.JUMPS] and status != core.HIDDEN_JUMP:  # then its ending says it
+            self.notes[lane] = self._notes()
 
-    def _notes(self, lane: int) -> list[str]:
+    def _notes(self) -> list[str]:
         """Of the lane that has just ended: sentences about what was done but should be known."""
         w = self.w
         places = w.i[core.JUMPS]
-        if not places or w.done[lane][core.STATUS] == core.HIDDEN_JUMP:  # then its ending says it
-            return []
         return [
             f"the flow seems to jump near t = {w.f[core.JUMP_T]:.6g}"
             + (f" and at {places - 1} more places" if places > 1 else "")
@@ -193,7 +191,7 @@ class Batch:
 
     @property
     def out(self) -> np.ndarray:
-        """(samples, columns) of all lanes, one after the other; copy them before the next run."""
+        """(samples, columns) of all lanes, one after the other, until the next run."""
         return self._rows("out", self.w.i[core.OUT])
 
     @property
@@ -203,10 +201,10 @@ class Batch:
 
     def ledger(self) -> np.ndarray:
         """The rows of all lanes' events, one lane after the other; see Events."""
+        if len(self._ledger) == 1:
+            return self._ledger[0]
         nothing = np.empty((0, 5 + 2 * self.settings.length))
-        return (
-            np.concatenate([nothing, *self._ledger]) if len(self._ledger) != 1 else self._ledger[0]
-        )
+        return np.concatenate([nothing, *self._ledger]) if self._ledger else nothing
 
     def pieces(self) -> np.ndarray:
         """Of the last lane: see Run.pieces."""
@@ -217,10 +215,13 @@ _FINISHED = (Ended.FINISHED, str(Ended.FINISHED))
 
 
 def samples(out: np.ndarray) -> Samples:
-    """samples(rows) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples."""
-    t, modes, j, other, part = out[:, :5].T
-    sliding = other.astype(int), part.copy()
-    return Samples(t.copy(), modes.astype(int), j.astype(int), out[:, 5:], *sliding)
+    """samples(rows) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples.
+
+    In memory of their own.
+    """
+    columns = out.T.copy()
+    modes, j, other = columns[1:4].astype(int)
+    return Samples(columns[0], modes, j, columns[5:].T, other, columns[4])
 
 
 class _Rows:

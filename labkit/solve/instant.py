@@ -27,8 +27,9 @@ def record(model, w, p, t, mode, n, y):
         out[3], out[4] = w.i[SLIDE_B], mixing(model, w, p, n, t, y)
     for i in range(n):
         out[5 + i] = y[i]
-    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
-        out[5 + i] = y[i]
+    if w.i[HELD] > 0:
+        for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+            out[5 + i] = y[i]
     w.i[OUT] = row + 1
 
 

@@ -27,17 +27,18 @@ EPS = 2.220446049250313e-16
 (AHEAD, STREAK, STIFFS, JUMPS) = range(22, 26)
 # Sliding: on or not; its two modes; the place of the surface's guard among those of each
 (SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B) = range(26, 31)
-# Settings. OWN_SIZE: the tolerance of some state follows from its own size
+# Settings. OWN_SIZE: the tolerance of some state follows from its own size; UNSEEN: stages below it
+# may be missing in the error
 (STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER) = (
     range(31, 42)
 )
 (ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS) = range(42, 50)
-(OWN_SIZE, KINKS, LANES) = range(50, 53)
+(OWN_SIZE, KINKS, UNSEEN, LANES) = range(50, 54)
 # Which lane is under way, and whether it has begun
-LANE, BEGUN = 53, 54
+LANE, BEGUN = 54, 55
 # The next place where a table of the time bends; steps refused because a guard does too much in them
-KINK, WILD = 55, 56
-INTEGERS = 57
+KINK, WILD = 56, 57
+INTEGERS = 58
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:

@@ -73,6 +73,7 @@ def _reader(system: System, mode: str) -> Callable[[list[float]], tuple]:
 
 def _flow(what: str, function: Callable, state: Callable, names: tuple[str, ...]) -> Callable:
     n, rescue = len(names), _rescue(what, function, names)
+    places = range(n)
 
     def flow(t, y, p, out):
         s = state(y)
@@ -80,7 +81,8 @@ def _flow(what: str, function: Callable, state: Callable, names: tuple[str, ...]
             values = function(t, s, p)
             if type(values) is not tuple or len(values) != n:
                 values = vector(values, what, names, "derivatives")
-            out[:n] = map(float, values)
+            for place in places:  # a slice takes half as long again
+                out[place] = float(values[place])
         except Exception as error:
             out[:n] = rescue(error, t, s, p)
 
@@ -116,30 +118,30 @@ def _reset(system: System, transition: Transition, states: list[Callable]) -> Ca
             except Exception as error:
                 values = rescue(error, t, s, p)
             return [*values, *y[system.width :]]
-    else:
-        parts = {
-            mode: [
-                (part, _rescue(what, part, None), system.places(modes[mode]).get(name))
-                for name, part in system.reset_parts(transition, modes[mode]).items()
-            ]
-            for mode in (modes.index(source) for source in transition.sources)
-        }
 
-        def values_of(mode, t, s, y, p):
-            values = []
-            for part, rescue, place in parts[mode]:
-                try:
-                    values.append(float(part(t, s, p)) if part else y[place])
-                except Exception as error:
-                    values += rescue(error, t, s, p)
-            return values
+        def reset(mode, t, y, p, out):
+            values = values_of(mode, t, states[mode](y), y, p)
+            for place, value in zip(places.values(), values, strict=True):
+                out[place] = value
 
-    def reset(mode, t, y, p, out):
-        values = values_of(mode, t, states[mode](y), y, p)
-        for place, value in zip(places.values(), values, strict=True):
-            out[place] = value
+        return reset
+    parts = {
+        mode: [
+            (part, _rescue(what, part, None), system.places(modes[mode]).get(name), places[name])
+            for name, part in system.reset_parts(transition, modes[mode]).items()
+        ]
+        for mode in (modes.index(source) for source in transition.sources)
+    }
 
-    return reset
+    def reset_parts(mode, t, y, p, out):
+        s = states[mode](y)
+        for part, rescue, before, after in parts[mode]:
+            try:
+                out[after] = float(part(t, s, p)) if part else y[before]
+            except Exception as error:
+                (out[after],) = rescue(error, t, s, p)
+
+    return reset_parts
 
 
 # ---------------------------------------------------------------- when a function fails

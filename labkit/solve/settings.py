@@ -21,6 +21,8 @@ class Settings:
     """Settings(options): made once for many runs, and never changed.
 
     width, length   most states of any mode; these and the held variables: a state's vector
+    places          mode -> where its states and the held variables stand in it
+    timed           whether there are dead times or schedules
     absolute        (modes, width) the part of a tolerance that does not grow with the state, or −1
     fixed, sizes    fields of the workspace that are the same for every run; what the others' sizes
                     follow from
@@ -39,7 +41,9 @@ class Settings:
         self.modes = list(system.modes)
         self.place = {mode: index for index, mode in enumerate(self.modes)}
         self.width, self.length = system.width, system.width + len(system.held)
+        self.places = {mode: np.array([*system.places(mode).values()]) for mode in self.modes}
         self.plans = [tr for tr in system.transitions if tr.at is not None]
+        self.timed = bool(self.plans) or any(tr.delay != 0 for tr in system.transitions)
         self.absolute = self._absolute()
         self.rtol = options.rtol
         self.fixed = self._fixed()
@@ -109,6 +113,7 @@ class Settings:
             core.KINKS: len(bends),
             core.SCHEDULES: len(self.plans),
             core.POWERS: not table.Q.any(),
+            core.UNSEEN: max((s + 1 for s in range(table.stages) if not table.E[:, s].any()), default=0),
             core.OWN_SIZE: (self.absolute < 0).any(),
         }.items():
             i0[place] = value

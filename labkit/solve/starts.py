@@ -90,7 +90,7 @@ def starts_of(
         except ModelError as error:  # it stands in the first mode then, as far as it goes
             refused[lane], name = error, settings.modes[0]
             state = [mine.get(key, np.nan) for key in system.places(name)]
-        begin[lane, list(system.places(name).values())] = state
+        begin[lane, settings.places[name]] = state
         modes[lane] = settings.place[name]
     return begin, modes, refused
 
@@ -138,12 +138,13 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
     or a list of instants. What strikes at t0 belongs to the run that ended there, so that a run cut
     in two is the whole run; a run from t = 0 has none before it. Arrays are (lanes, columns).
     """
-    system, lanes, refused = settings.system, len(p), Refused()
+    if not settings.timed:
+        return {}, {}
+    system, lanes = settings.system, len(p)
+    refused: Refused = {}
     t0 = settings.options.t0
     over = t0 + 8 * core.EPS * abs(t0) if t0 != 0.0 else -5e-324  # what strikes up to here is over
     plans, plan_from = settings.plans, settings.fixed["plan_from"]
-    if not plans and all(tr.delay == 0 for tr in system.transitions):
-        return {}, refused
 
     def resolve(
         value: object, what: str, allowed: Callable[[float], bool], mend: str

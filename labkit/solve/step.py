@@ -72,12 +72,13 @@ def explicit_step(model, w, p, mode, n, t, h):
     for stage in range(1, stages):
         combine(n, a_from[stage], a_from[stage + 1], a_column, a_value, k, h, y, w.y_try)
         rates(model, w, mode, n, t + w.c[stage] * h, w.y_try, p, k[stage])
-        for i in range(n):
-            every += k[stage][i]
+        if stage < w.i[UNSEEN]:
+            for i in range(n):
+                every += k[stage][i]
     combine(n, a_from[stages], a_from[stages + 1], a_column, a_value, k, h, y, y_new)
     rates(model, w, mode, n, t + h, y_new, p, k[stages])
     w.i[FLOWS] += stages
-    if not isfinite(every):  # also a stage that only later stages use
+    if not isfinite(every):  # the error tells of the other stages
         return 1e300
     if w.i[ADAPTIVE] == 0:
         for i in range(n):
