@@ -52,7 +52,8 @@ class Touch:
     """A limit that was touched and not passed: run.touches[0].t, .transition, .by.
 
     `by` is the guard at its highest, in its own unit: at most the transition's tolerance, and where
-    the guard stays short of its limit at least −tolerance, so that the sign of an error does not matter.
+    the guard stays short of its limit at least −tolerance, so that the sign of an error does not
+    matter.
     """
 
     t: float

@@ -206,13 +206,11 @@ class Mode:
 
 @dataclass(frozen=True)
 class Every:
-    """Every(period, first=None): the instants first, first + period, … counted from the start of
-    the run.
+    """Every(period, first=None): the instants first, first + period, … on the clock.
 
     Both may be a number, the name of a parameter, or a function of p. `first` defaults to one
-    period. The k-th instant is first + k·period, or k·period (one multiplication, no accumulated
-    rounding). At one instant only the transitions fire whose source was the mode on arrival: two of
-    them may swap two modes.
+    period. Instants are multiples of the period, not sums, and do not depend on where a run starts:
+    a run cut in two meets the same ones.
     """
 
     period: Number
@@ -244,26 +242,38 @@ Schedule = Every | At
 
 @dataclass(frozen=True)
 class Transition:
-    """Transition("stick", "slip", guard=…, direction=+1): when to leave a mode, where to, and what
-    changes.
+    """Transition("stick", "slip", guard=…, direction=+1): when to leave a mode, and what changes.
 
-    source     name of a mode, or a tuple of names
-    target     name of a mode; None ends the run ("destroyed")
+    source     name of a mode, or a tuple of names; target: a mode; None ends the run ("destroyed")
     guard      g(t, s, p) -> number; the event is its zero. direction: +1 rising, -1 falling, 0 both
     at         a schedule (Every, At) instead of a guard: instants known beforehand
-    reset      r(t, s, p) -> the states after the event, in the order of the target's states; or
-               {"v": function or number, …} names what changes and keeps the rest; left out: all
-               kept
-    delay      dead time (number, parameter name or function of p) from the guard's crossing to the
-               transition
-    priority   of several events at one instant the highest goes first; equal ones in the order of
-               the list
-    urgent     fires also if the guard is already beyond zero when the mode is entered (or at the
-               start)
-    zeno       mode that takes over when infinitely many of these events pile up (a ball that comes
-               to rest)
-    tolerance  the guard must pass zero by this much (in the guard's unit): a touched limit is not a
-    crossing
+    reset      r(t, s, p) -> the states after the event, in the order of the target's; or {"v":
+               function or number, …} names what changes and keeps the rest; left out: all kept
+    delay      dead time (number, parameter name or function of p) from the crossing to the event
+    priority   at one instant the highest goes first; equal ones in the order of the list
+    urgent     True: fires whenever its guard is beyond zero, again and again. False: only by a
+               crossing along the flow. Left out: see below
+    zeno       mode that takes over when infinitely many of these events pile up (a ball at rest)
+    tolerance  the guard must pass zero by this much (in its unit): a touch is not a crossing
+
+    What an event means:
+
+    - Every guard has a side, − or +: the sign of its value or, where that is zero to its own
+      rounding, the sign with which it leaves zero along the flow; − if it never does.
+    - With a direction it fires when its side goes to beyond (+ for 1, − for -1), without one when
+      the side changes: along the flow, or by a jump of the state at that very instant.
+    - What crosses or is due at one instant goes by priority. The others wait, unless their mode is
+      gone or a reset has undone their crossing. Each crossing counts once.
+    - On entering another mode a guard that is beyond fires at once (not with urgent=False). At the
+      start that is an error in words, unless `urgent` says what to do.
+    - Without a direction, a change of mode that keeps the state crosses a guard that is zero there
+      if the new flow turns it back. Two modes that send each other back so slide on their surface.
+    - Schedules with an equal `at` are one clock: only what leaves the mode it found fires. A dead
+      time runs on, whatever its guard does, and is dropped if its mode is not the current one.
+    - Flights of one guard too small to be told from rest have piled up: over to `zeno`, or the run
+      ends and says so; so it is when a reset takes away the speed with which the guard came.
+    - The end of a run is an instant like others, and what happens at it belongs to this run, not to
+      one that starts there.
     """
 
     source: str | tuple[str, ...]

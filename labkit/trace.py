@@ -1,11 +1,16 @@
-"""Python functions of a model turned into SymPy expressions by calling them: every branch, every helper, no second copy.
+"""Python functions of a model turned into SymPy expressions by calling them: every branch, every
+helper, no second copy.
 
     tracer = Tracer()
-    tracer.trace(flow, t, s, p)    # t, s.x, p.k are Quantity(sympy.Symbol("t")), …; a tuple of expressions, or one expression
+    tracer.trace(flow, t, s, p)    # t, s.x, p.k are Quantity(sympy.Symbol("t")), …; a tuple of
+    expressions, or one expression
 
-The function that is called is a copy whose globals are rebound: math, numpy and what was imported from them become SymPy's,
-helper functions become copies in turn. Numbers are Quantity objects, so SymPy itself is left alone. A comparison that is asked
-for its truth (if, and, or, while) follows a recorded path; all paths are walked and joined in a Piecewise.
+The function that is called is a copy whose globals are rebound: math, numpy and what was imported
+from them become SymPy's,
+helper functions become copies in turn. Numbers are Quantity objects, so SymPy itself is left alone.
+A comparison that is asked
+for its truth (if, and, or, while) follows a recorded path; all paths are walked and joined in a
+Piecewise.
 """
 
 from __future__ import annotations
@@ -38,11 +43,17 @@ MAX_QUESTIONS = 2000  # comparisons on one path: a `while` that never ends must 
 
 
 class Untraceable(ModelError):
-    """A function cannot be written as a formula; the message says why. `equations` then shows its source instead."""
+    """A function cannot be written as a formula.
+
+    The message says why. `equations` then shows its source instead.
+    """
 
 
 def expression(value: object) -> sp.Expr:
-    """expression(0.5) -> SymPy number, exact where that is certain: whole numbers, simple multiples of pi. TypeError for non-numbers."""
+    """expression(0.5) -> SymPy number, exact where that is certain.
+
+    Whole numbers, simple multiples of pi. TypeError for non-numbers.
+    """
     if isinstance(value, Quantity):
         return value.e
     if isinstance(value, sp.Expr):
@@ -59,7 +70,10 @@ def expression(value: object) -> sp.Expr:
 
 
 class _Path:
-    """One way through a function: the answers to give first, then True; `taken` is what was asked and answered."""
+    """One way through a function.
+
+    The answers to give first, then True; `taken` is what was asked and answered.
+    """
 
     def __init__(self, prefix: list[tuple[Any, bool]]):
         self.prefix = prefix
@@ -85,7 +99,10 @@ _PATH: contextvars.ContextVar[_Path] = contextvars.ContextVar("path")
 
 
 class Quantity:
-    """Quantity(expression): stands for a number in a traced function; arithmetic, comparisons, no value."""
+    """Quantity(expression).
+
+    Stands for a number in a traced function; arithmetic, comparisons, no value.
+    """
 
     __array_ufunc__ = None  # so that np.float64(2.0) * quantity is left to us
     __hash__ = None  # type: ignore[assignment]
@@ -113,7 +130,10 @@ class Quantity:
 
 
 class Condition(Quantity):
-    """A comparison: True and False as 1 and 0 in arithmetic, a fork of the path where its truth is asked."""
+    """A comparison.
+
+    True and False as 1 and 0 in arithmetic, a fork of the path where its truth is asked.
+    """
 
     def __init__(self, condition: Any):
         self.condition = sp.sympify(condition)
@@ -203,16 +223,30 @@ def _interp(x: sp.Expr, xs: Any, ys: Any) -> sp.Expr:
     return sp.Piecewise((ys[0], x <= xs[0]), *lines, (ys[-1], True))
 
 
-# What becomes what, by name in builtins, math and numpy. Functions of plain numbers stay what they are: see _lift.
+# What becomes what, by name in builtins, math and numpy. Functions of plain numbers stay what they
+# are: see _lift.
 _ELEMENTARY: dict[str, Callable] = {
     **{
         name: getattr(sp, name)
-        for name in "sin cos tan sinh cosh tanh sqrt exp floor erf gamma sign".split()
+        for name in [
+            "sin",
+            "cos",
+            "tan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "sqrt",
+            "exp",
+            "floor",
+            "erf",
+            "gamma",
+            "sign",
+        ]
     },
     **{
         f"{a}{name}": getattr(sp, f"a{name}")
         for a in ("a", "arc")
-        for name in "sin cos tan sinh cosh tanh".split()
+        for name in ["sin", "cos", "tan", "sinh", "cosh", "tanh"]
     },
     **dict.fromkeys(("atan2", "arctan2"), sp.atan2),
     **dict.fromkeys(("abs", "fabs", "absolute"), sp.Abs),
@@ -265,7 +299,9 @@ def _symbolic(value: object) -> bool:
 
 
 def _lift(original: Callable, symbolic: Callable) -> Callable:
-    """Plain numbers go to the original, so that a constant stays the float that the model computes with."""
+    """Plain numbers go to the original, so that a constant stays the float that the model computes
+    with.
+    """
 
     @functools.wraps(original, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -302,7 +338,10 @@ class _Module:
 
 @dataclass(frozen=True)
 class Definition:
-    """A helper with cases of its own, shown under its name: F(V) = { …. `args` mixes formal symbols and fixed numbers."""
+    """A helper with cases of its own, shown under its name.
+
+    F(V) = { …. `args` mixes formal symbols and fixed numbers.
+    """
 
     name: str
     function: Any  # the SymPy function that stands for it in an expression
@@ -312,9 +351,11 @@ class Definition:
 
 
 class Tracer:
-    """Tracer(states).trace(f, t, s, p): formulas of functions; helpers with cases are collected in `definitions`.
+    """Tracer(states).trace(f, t, s, p): formulas of functions; helpers with cases are collected in
+    `definitions`.
 
-    `states` (symbols) are shown as the arguments of a helper that takes s as a whole: F(s, p) that reads s.V is F(V).
+    `states` (symbols) are shown as the arguments of a helper that takes s as a whole: F(s, p) that
+    reads s.V is F(V).
     """
 
     def __init__(self, states: Iterable[sp.Symbol] = ()) -> None:
@@ -326,7 +367,10 @@ class Tracer:
         self._table = _table()
 
     def trace(self, function: Callable, *args: Any) -> sp.Expr | tuple[sp.Expr, ...]:
-        """tracer.trace(flow, t, s, p) -> expression or tuple of expressions. Raises Untraceable with the reason."""
+        """tracer.trace(flow, t, s, p) -> expression or tuple of expressions.
+
+        Raises Untraceable with the reason.
+        """
         try:
             with distribute(False):  # 2*(x - a) stays as it was written
                 copy = self.rebind(function, inline=True)
@@ -351,7 +395,10 @@ class Tracer:
         return definition.e.xreplace(dict(zip(definition.formals, node.args, strict=True)))
 
     def rebind(self, value: Any, name: str = "", inline: bool = False) -> Any:
-        """tracer.rebind(value) -> what a traced function sees in its place; constants are themselves."""
+        """tracer.rebind(value) -> what a traced function sees in its place.
+
+        Constants are themselves.
+        """
         value = getattr(value, "py_func", value)  # a helper under @njit
         if isinstance(value, types.ModuleType):
             return _Module(value, self)
@@ -370,7 +417,10 @@ class Tracer:
         return rebound(function, self.rebind, self._copies)
 
     def _helper(self, function: types.FunctionType, name: str) -> Callable:
-        """A helper is traced with formal arguments; one with cases becomes a definition, any other is put in place."""
+        """A helper is traced with formal arguments.
+
+        One with cases becomes a definition, any other is put in place.
+        """
         copy: list[Callable] = []
         label = (function.__name__ if function.__name__ != "<lambda>" else name) or "f"
 
@@ -411,7 +461,8 @@ class Tracer:
             return tuple(Quantity(e.xreplace(put)) for e in result)
         if not result.has(sp.Piecewise):
             return Quantity(result.xreplace(put))
-        # A formal argument is shown under its own name, unless the body also speaks of the state of that name.
+        # A formal argument is shown under its own name, unless the body also speaks of the state of
+        # that name.
         names = {symbol.name for symbol in result.free_symbols if symbol not in formals}
         if not formals and not shown:  # F(s, p): show what it depends on
             formals, actual, shown = (
@@ -458,7 +509,8 @@ def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:
         waiting += [[*path.taken[:k], (path.taken[k][0], False)] for k in new]
         if len(leaves) + len(waiting) > MAX_PATHS:
             raise Untraceable(f"it has more than {MAX_PATHS} branches")
-    # The first match counts, so what was answered with False needs no mention: those cases have come before.
+    # The first match counts, so what was answered with False needs no mention: those cases have
+    # come before.
     cases = [(leaf, sp.And(*true)) for leaf, true in leaves]
     if not any(isinstance(leaf, tuple) for leaf, _ in cases):
         return _piecewise(cases)
@@ -478,7 +530,9 @@ def _leaf(value: Any) -> sp.Expr | tuple[sp.Expr, ...]:
 
 
 def _piecewise(cases: list[tuple[sp.Expr, Any]]) -> sp.Expr:
-    """First match counts, so a case that repeats the one after it is joined to it, and the last needs no condition."""
+    """First match counts, so a case that repeats the one after it is joined to it, and the last
+    needs no condition.
+    """
     joined: list[tuple[sp.Expr, Any]] = []
     for e, condition in cases:
         if joined and joined[-1][0] == e:

@@ -1,4 +1,7 @@
-"""python -m labkit.solve: compile the core and keep it on disk (once a machine, about a quarter of a minute)."""
+"""python -m labkit.solve.
+
+Compile the core and keep it on disk (once a machine, about a quarter of a minute).
+"""
 
 from .backend import load_core
 

@@ -471,7 +471,8 @@ def _settle() -> None:
 def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code | None:
     """compiled(system) -> Code, or None while it is being made (or cannot be).
 
-    wait=True waits, and raises ModelError where nothing can be compiled; `patience` waits so many seconds at
+    wait=True waits, and raises ModelError where nothing can be compiled; `patience` waits so many
+    seconds at
     most and raises nothing. What only has to be read from disk is there at once; Numba's imports
     are waited for (a second, once), because they and a running cell can break each other: see
     _import.

@@ -1,9 +1,9 @@
 """The integrator: steps, one after the other, from instant to instant.
 
-One source for both back ends. As it stands here it runs in plain Python on lists; backend.py loads it
-a second time with the same functions compiled by Numba on arrays. So: scalar loops only, no NumPy,
-nothing but indexing, and `w`, the workspace (fields in `workspace`), holds everything that must survive
-a pause.
+One source for both back ends. As it stands here it runs in plain Python on lists; backend.py loads
+it a second time with the same functions compiled by Numba on arrays. So: scalar loops only, no
+NumPy, nothing but indexing, and `w`, the workspace (fields in `workspace`), holds everything that
+must survive a pause.
 """
 
 from .instant import *
@@ -29,7 +29,9 @@ def sample(model, w, p, t, h, end, mode, n):
 
 
 def defect(model, w, p, mode, n, t, h, theta):
-    """By how much the step's polynomial misses the differential equation at θ, times h, over the tolerance."""
+    """By how much the step's polynomial misses the differential equation at θ, times h, over the
+    tolerance.
+    """
     evaluate(w, n, theta, w.y_try)
     rates(model, w, mode, n, t + theta * h, w.y_try, p, w.err[0])
     w.i[FLOWS] += 1
@@ -46,11 +48,12 @@ def defect(model, w, p, mode, n, t, h, theta):
 
 
 def retake(model, w, p, mode, n, t, h, theta, k, limit):
-    """Take the step anew, as long as the event needs: (h, θ) of the event on the new step, or the old ones where that is not clear.
+    """Take the step anew, as long as the event needs: (h, θ) of the event on the new step, or the
+    old ones where that is not clear.
 
-    Between its ends a step is known by an interpolant of lower order than the method's. So an event in
-    its middle is less accurate than the tolerance promises, and the state that starts the next mode
-    with it. The new step ends near the event.
+    Between its ends a step is known by an interpolant of lower order than the method's. So an event
+    in its middle is less accurate than the tolerance promises, and the state that starts the next
+    mode with it. The new step ends near the event.
     """
     if watched(w, mode, k) < 0 or w.i[SLIDING] == 1:
         return h, theta
@@ -72,7 +75,9 @@ def retake(model, w, p, mode, n, t, h, theta, k, limit):
             one = guard_at(model, w, p, mode, n, t, short, 1.0 - reach, k)
             two = guard_at(model, w, p, mode, n, t, short, 1.0 + reach, k)
             if one * far < 0.0 and two * far > 0.0:
-                better = refine(model, w, p, mode, n, t, short, k, 1.0 - reach, one, 1.0 + reach, two)
+                better = refine(
+                    model, w, p, mode, n, t, short, k, 1.0 - reach, one, 1.0 + reach, two
+                )
     if better < 1.5 and t + better * short <= limit:
         guard_at(model, w, p, mode, n, t, short, better, k)
         for q in range(watch_count(w, mode)):  # no other guard may have passed in between
@@ -137,7 +142,10 @@ def given_up(w):
 
 
 def advance(model, w, p, budget):
-    """Go on for up to `budget` steps; returns PAUSE, GROW (an output array is full), or why the run ended."""
+    """Go on for up to `budget` steps.
+
+    Returns PAUSE, GROW (an output array is full), or why the run ended.
+    """
     i, f = w.i, w.f
     for _ in range(budget):
         full = i[LEDGER] + 2 > w.room[ROOM_LEDGER] or i[PIECES] + 2 > w.room[ROOM_PIECES]
@@ -212,7 +220,8 @@ def advance(model, w, p, budget):
         if i[ADAPTIVE] < 2 and wanted:
             interpolate(model, w, p, mode, n, t, h)
             if i[TWO] == 1 and h > 1e3 * least:
-                # On a stiff stretch DOP853's ends may be good and what lies between them wild, and samples and events lie between
+                # On a stiff stretch DOP853's ends may be good and what lies between them wild, and
+                # samples and events lie between
                 miss = defect(model, w, p, mode, n, t, h, 0.8)
                 factor = 10.0 if miss == 0.0 else 0.2
                 if 0.0 < miss < 1e290:

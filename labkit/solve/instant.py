@@ -1,8 +1,8 @@
 """One instant: everything that happens at it, one transition after the other.
 
-At an instant some guards have crossed (w.wait), some schedules and dead times are due. The transition
-of highest priority acts, then sides are taken again, until nobody waits any more. Each crossing is
-used once; `sides` says who waits.
+At an instant some guards have crossed (w.wait), some schedules and dead times are due. The
+transition of highest priority acts, then sides are taken again, until nobody waits any more. Each
+crossing is used once; `sides` says who waits.
 """
 
 from .layout import *
@@ -12,7 +12,10 @@ from .step import grown
 
 
 def room(w):
-    """How many more samples of the grid there is room for; four are kept for the two sides of events and the last state."""
+    """How many more samples of the grid there is room for.
+
+    Four are kept for the two sides of events and the last state.
+    """
     return w.room[ROOM_OUT] - w.i[OUT] - 4
 
 
@@ -67,7 +70,9 @@ def leave(model, w, p, mode, source, n, transition):
 
 
 def enter(model, w, p, mode, target, n):
-    """The right half of the ledger's line for the state in w.y, the mode, and the sample after the event."""
+    """The right half of the ledger's line for the state in w.y, the mode, and the sample after the
+    event.
+    """
     i = w.i
     write_down(w, 1, n, w.y)
     w.ledger[i[LEDGER]][4] = target
@@ -93,7 +98,11 @@ def carry(w):
 
 
 def arrive(model, w, p):
-    """At an instant: what has crossed (w.came, and what else is on its surface), and until when schedules count as due."""
+    """At an instant.
+
+    What has crossed (w.came, and what else is on its surface), and until when schedules count as
+    due.
+    """
     i, f = w.i, w.f
     f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
     i[ARRIVED], i[BUSY], i[ENTRY] = i[MODE], 1, 1
@@ -101,13 +110,17 @@ def arrive(model, w, p):
 
 
 def choose(w):
-    """The transition that acts next, and why (w.i[KIND]); the ends of sliding (−1, −2) last; −9 if there is none."""
+    """The transition that acts next, and why (w.i[KIND]).
+
+    The ends of sliding (−1, −2) last; −9 if there is none.
+    """
     best, rank, i = -9, w.i[TRANSITIONS], w.i
     mode = i[MODE]
     for s in range(i[SCHEDULES]):
         q = w.plan[s]
         if w.rank[q] < rank and plan_time(w, s) <= w.f[UNTIL] and leaves(w, q, mode):
-            # Transitions with an equal schedule are one clock: those act that leave the mode it found
+            # Transitions with an equal schedule are one clock: those act that leave the mode it
+            # found
             if w.shared[s] == 0 or w.source[q][i[ARRIVED]] == 1:
                 best, rank, i[KIND] = q, w.rank[q], DUE
     for place in range(i[PENDING]):
@@ -193,7 +206,10 @@ def start_sliding(model, w, p):
 
 
 def stop_sliding(model, w, p, mode):
-    """Over to the mode whose flow no longer pushes; its guard on the surface is on the near side, by that very push."""
+    """Over to the mode whose flow no longer pushes.
+
+    Its guard on the surface is on the near side, by that very push.
+    """
     i = w.i
     n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
     back = w.leave[w.leave_from[mode] + (i[GUARD_A] if mode == i[SLIDE_A] else i[GUARD_B])]
@@ -269,7 +285,10 @@ def fire(model, w, p, q):
 
 
 def flight(w, q):
-    """How long since the transition's last event; whether flights shrink, and how many in a row are beyond the clock."""
+    """How long since the transition's last event.
+
+    Whether flights shrink, and how many in a row are beyond the clock.
+    """
     t = w.f[T]
     gap = t - w.last_t[q]
     if gap <= 0.0:
@@ -279,7 +298,9 @@ def flight(w, q):
         w.shorter[q] += 1
         anchor[1] += 1.0
         anchor[3] += 1.0
-        if gap < 1e-3 * anchor[2]:  # the ratio of flights is taken over at least three decades, where there are
+        if (
+            gap < 1e-3 * anchor[2]
+        ):  # the ratio of flights is taken over at least three decades, where there are
             anchor[0], anchor[1], anchor[2], anchor[3] = anchor[2], anchor[3], gap, 0.0
     else:
         w.shorter[q] = 0
@@ -296,12 +317,13 @@ def grow_old(w, q, size):
 
 
 def pile_up(model, w, p, q, touching):
-    """Flights that cannot be resolved any more: over to the mode of rest, at the instant and the state they tend to.
+    """Flights that cannot be resolved any more: over to the mode of rest, at the instant and the
+    state they tend to.
 
-    Flights that shrink by the ratio r add up to gap·r/(1 − r) after the last one. States that move by r
-    times less from flight to flight go on to s + (s − s_before)·r/(1 − r) (Aitken), the others along the
-    flow. touching: the last flight has ended in contact; that is a pile only if the next one, by its
-    ratio, could not have been told from rest, else an impact that has taken all speed.
+    Flights that shrink by the ratio r add up to gap·r/(1 − r) after the last one. States that move
+    by r times less from flight to flight go on to s + (s − s_before)·r/(1 − r) (Aitken), the others
+    along the flow. touching: the last flight has ended in contact; that is a pile only if the next
+    one, by its ratio, could not have been told from rest, else an impact that has taken all speed.
     """
     i, f = w.i, w.f
     t, mode, gap = f[T], i[MODE], w.last_gap[q]
@@ -358,7 +380,9 @@ def plan_time(w, s):
 
 
 def next_due(w):
-    """The next instant of a schedule, at the end of a dead time, or where a table of the time bends."""
+    """The next instant of a schedule, at the end of a dead time, or where a table of the time
+    bends.
+    """
     due = w.kink[w.i[KINK]] if w.i[KINK] < w.i[KINKS] else 1e300
     for s in range(w.i[SCHEDULES]):
         due = min(due, plan_time(w, s))

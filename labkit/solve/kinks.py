@@ -1,8 +1,8 @@
 """Where tables of the time bend: instants that a step must not pass over.
 
-A flow that reads a table, np.interp(t, T, Q), bends at every entry of T, and a short pulse between two
-entries is invisible to a solver whose steps pass over it. Which tables there are is seen by calling the
-model's functions once with a time that notes what it is looked up in.
+A flow that reads a table, np.interp(t, T, Q), bends at every entry of T, and a short pulse between
+two entries is invisible to a solver whose steps pass over it. Which tables there are is seen by
+calling the model's functions once with a time that notes what it is looked up in.
 
     kinks(system, p, t0, t_end, s by mode) -> times between t0 and t_end, rising
 """
@@ -21,7 +21,7 @@ MOST = 2_000  # a finer table is as good as smooth, and a step an entry would co
 
 
 class _Clock(float):
-    """A time that notes the tables it is looked up in (NumPy's own protocol for foreign arguments)."""
+    """A time that notes the tables it is looked up in, by NumPy's protocol for such arguments."""
 
     tables: list[np.ndarray]
 
@@ -44,7 +44,9 @@ def kinks(
             if function is not None:
                 try:
                     function(clock, s, p)
-                except Exception:  # what is wrong with it is told where it is tried with a plain time
+                except (
+                    Exception
+                ):  # what is wrong with it is told where it is tried with a plain time
                     continue
     times = np.unique(np.concatenate([np.empty(0), *map(np.ravel, clock.tables)]))
     times = times[(times > t0) & (times < t_end)]

@@ -1,4 +1,5 @@
-"""Runs of the same model one after the other: how each begins, what is kept of it, and the loop over all of them.
+"""Runs of the same model one after the other: how each begins, what is kept of it, and the loop
+over all of them.
 
 The same source for both back ends, as core.py, whose `advance` carries on with one run.
 """
@@ -13,7 +14,10 @@ from .step import first_step
 
 
 def begin(model, w, p, lane):
-    """Everything as it is at the start of a lane, its first sample, and the sides of its guards. PAUSE, or BAD_START."""
+    """Everything as it is at the start of a lane, its first sample, and the sides of its guards.
+
+    PAUSE, or BAD_START.
+    """
     place, lanes = w.i[OUT], w.i[LANES]
     for q in range(INTEGERS):
         w.i[q] = w.i0[q]
@@ -26,7 +30,13 @@ def begin(model, w, p, lane):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
         w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
-        w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 0.0, 0.0, 0
+        w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = (
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0,
+        )
     for s in range(i[SCHEDULES]):
         w.plan_next[s] = w.plan_next0[lane][s]
     for m in range(i[MODES]):
@@ -52,7 +62,10 @@ def begin(model, w, p, lane):
 
 
 def finish(model, w, p, lane, status):
-    """Whatever stopped it, the last state reached is the last sample; then what is kept of the lane."""
+    """Whatever stopped it, the last state reached is the last sample.
+
+    Then what is kept of the lane.
+    """
     i, done = w.i, w.done[lane]
     record(model, w, p, w.f[T], i[MODE], w.size[i[MODE]], w.y)
     done[STATUS], done[LAST], done[END], done[EVENTS] = status, i[WHO], i[OUT], i[LEDGER]
@@ -67,10 +80,12 @@ def finish(model, w, p, lane, status):
 
 
 def sweep(model, w, p, budget):
-    """Lane after lane for about `budget` steps: PAUSE and GROW as `advance`, FINISHED when no lane is left.
+    """Lane after lane for about `budget` steps: PAUSE and GROW as `advance`, FINISHED when no lane
+    is left.
 
-    A lane that ended otherwise than at the end or at a terminal event is returned from at once, so that it can be put
-    into words while its workspace is as it was; the next call goes on with the next lane.
+    A lane that ended otherwise than at the end or at a terminal event is returned from at once, so
+    that it can be put into words while its workspace is as it was; the next call goes on with the
+    next lane.
     """
     i = w.i
     while i[LANE] < i[LANES]:

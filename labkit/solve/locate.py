@@ -1,11 +1,11 @@
 """Event location on the polynomial of a step.
 
-How an event is found. Each step is a polynomial in θ ∈ [0, 1]. A guard is sampled along it at Chebyshev
-points; the samples' polynomial in Bernstein form bounds the guard (convex hull) and its sign changes
-bound the number of roots (Descartes). Where that leaves a doubt the interval is halved and sampled
-anew; two samples off the nodes say how far to trust the polynomial. One sign change: one root, found on
-the guard itself (Chandrupatla 1997). So crossings that come in pairs inside one step, and dips of
-rounding size, are found, not only sign changes at its ends.
+How an event is found. Each step is a polynomial in θ ∈ [0, 1]. A guard is sampled along it at
+Chebyshev points; the samples' polynomial in Bernstein form bounds the guard (convex hull) and its
+sign changes bound the number of roots (Descartes). Where that leaves a doubt the interval is halved
+and sampled anew; two samples off the nodes say how far to trust the polynomial. One sign change:
+one root, found on the guard itself (Chandrupatla 1997). So crossings that come in pairs inside one
+step, and dips of rounding size, are found, not only sign changes at its ends.
 
 How an event is not found twice. A guard whose side is known and whose value is zero where the step
 begins (w.flat) has that root divided out: leading Bernstein coefficients are set to 0, and the side
@@ -19,7 +19,8 @@ from .sides import TICKS, doubt
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
-#: The Lebesgue constant of nine Chebyshev points is 2.24 (fewer have less): bounds a polynomial by its values there.
+#: The Lebesgue constant of nine Chebyshev points is 2.24 (fewer have less): bounds a polynomial by
+#: its values there.
 LEBESGUE = 2.3
 
 
@@ -31,9 +32,13 @@ def guard_at(model, w, p, mode, n, t, h, theta, k):
 
 
 def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
-    """θ of the one root of guard k in [a, b], on b's side of it (Chandrupatla's method, Adv. Eng. Softw. 28, 1997)."""
+    """θ of the one root of guard k in [a, b], on b's side of it.
+
+    Chandrupatla's method, Adv. Eng. Softw. 28, 1997.
+    """
     side = 1.0 if fb > 0.0 else -1.0
-    delta = 1e-3 * EPS * max(abs(t), abs(t + h)) / h  # finer than the clock: the state must not come late
+    # Finer than the clock: the state must not come late
+    delta = 1e-3 * EPS * max(abs(t), abs(t + h)) / h
     halvings = 0
     while fa * side >= 0.0 and halvings < 100:  # the left end counts as zero: step off it first
         middle = 0.5 * (a + b)
@@ -75,8 +80,8 @@ def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
 
 
 def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
-    """θ ∈ [begin, limit] of the first event of the k-th guard in this step; 2 if none, −2 if it is not a number,
-    −3 if it does more than can be followed in so long a step.
+    """θ ∈ [begin, limit] of the first event of the k-th guard in this step; 2 if none, −2 if it is
+    not a number, −3 if it does more than can be followed in so long a step.
 
     Its side before the step is w.side; w.turn[k] becomes that at `limit`, w.quiet[k] 1 if it went
     back from beyond on the way, which is no event of a guard with a direction.
@@ -92,7 +97,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
     value, hull, stack = w.value, w.hull, w.stack
     stack[0], stack[1] = begin, limit
     depth, looks = 1, 0
-    own, own_a, own_b = -1.0, 2.0, 2.0  # how well the guard is known, and where: asked for when it matters
+    # How well the guard is known, and where: asked for when it matters
+    own, own_a, own_b = -1.0, 2.0, 2.0
     w.near[k], w.quiet[k] = 1, 0
     while depth > 0:
         depth -= 1
@@ -116,7 +122,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 return -2.0
         start = flat and a == begin
         if not start:
-            # Far from zero all along? Between its nodes a polynomial strays at most LEBESGUE times as far from their middle as they do
+            # Far from zero all along? Between its nodes a polynomial strays at most LEBESGUE times
+            # as far from their middle as they do
             low, high = value[0], value[0]
             for j in range(1, top + 1):
                 low, high = min(low, value[j]), max(high, value[j])
@@ -152,14 +159,17 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 hull[first] = 0.0
                 first += 1
             if abs(hull[first]) > margin and (hull[first] > 0.0) != (side > 0) and not finest:
-                # leaves to the other side than it should: it may turn so early that it cannot be seen here
+                # leaves to the other side than it should: it may turn so early that it cannot be
+                # seen here
                 middle = 0.5 * (a + b)
                 stack[2 * depth], stack[2 * depth + 1] = middle, b
                 stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
                 depth += 2
                 continue
         elif a == begin:
-            while first < top and hull[first] == 0.0:  # exactly on the surface where two steps meet: the side before still counts
+            while (
+                first < top and hull[first] == 0.0
+            ):  # exactly on the surface where two steps meet: the side before still counts
                 first += 1
         changes, doubtful, sign = 0, 0, side
         for j in range(first, top + 1):
@@ -195,7 +205,9 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                     if side > 0 or not directed:
                         w.turn[k] = side
                         one, two = a + width * w.node[j - 1], a + width * w.node[j]
-                        return refine(model, w, p, mode, n, t, h, k, one, value[j - 1], two, value[j])
+                        return refine(
+                            model, w, p, mode, n, t, h, k, one, value[j - 1], two, value[j]
+                        )
                     w.quiet[k] = 1
             continue
         middle = 0.5 * (a + b)
@@ -207,17 +219,21 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
 
 
 def first_look(w, t, h, slot):
-    """θ from which on a guard is looked at in this step: one that leaves zero by more than its slope is not clear of it at once."""
+    """θ from which on a guard is looked at in this step.
+
+    One that leaves zero by more than its slope is not clear of it at once.
+    """
     if w.flat[slot] == 0 or w.awake[slot] <= t:
         return 0.0
     return (w.awake[slot] - t) / h
 
 
 def find_event(model, w, p, mode, n, t, h, entry):
-    """(θ, place of the guard) of the step's first event, 2 and −1 if there is none, −2 and −3 as above.
+    """(θ, place of the guard) of the step's first event, 2 and −1 if there is none, −2 and −3 as
+    above.
 
-    All guards that cross within rounding of the first are marked (w.came); θ is where the last of them
-    has crossed. Without an event the sides become those at the end of the step.
+    All guards that cross within rounding of the first are marked (w.came); θ is where the last of
+    them has crossed. Without an event the sides become those at the end of the step.
     """
     count = watch_count(w, mode)
     top = w.i[PROXY]
@@ -273,11 +289,13 @@ def find_event(model, w, p, mode, n, t, h, entry):
 
 
 def note_touches(model, w, p, mode, n, t, h, until):
-    """Notes in w.touch where, before θ = until, a guard came up to its limit and turned back: within its tolerance, and not beyond.
+    """Notes in w.touch where, before θ = until, a guard came up to its limit and turned back:
+    within its tolerance, and not beyond.
 
-    The tolerance is in the guard already: zero is where the event is, −tolerance the limit itself, and
-    as far below it the reach ends, so that the sign of a numerical error decides nothing. Where the
-    samples stop rising there is a peak; w.rises tells the next step that one may lie at the seam.
+    The tolerance is in the guard already: zero is where the event is, −tolerance the limit itself,
+    and as far below it the reach ends, so that the sign of a numerical error decides nothing. Where
+    the samples stop rising there is a peak; w.rises tells the next step that one may lie at the
+    seam.
     """
     last = w.i[PROXY]
     for k in range(watch_count(w, mode)):
@@ -299,7 +317,8 @@ def note_touches(model, w, p, mode, n, t, h, until):
 
 
 def note_peak(model, w, p, mode, n, t, h, k, transition, first, end, seam):
-    """The top between two θ by golden section; a touch if it is within reach. True if it goes on rising at the end.
+    """The top between two θ by golden section; a touch if it is within reach. True if it goes on
+    rising at the end.
 
     seam: the end is that of the step, or the event: the top lies beyond it, if it is not before it.
     """

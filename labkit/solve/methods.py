@@ -1,12 +1,12 @@
-"""The methods as tables: Runge–Kutta coefficients (from SciPy, not retyped), dense output as one polynomial a step.
+"""The methods as tables: Runge–Kutta coefficients (from SciPy, not retyped), dense output as one
+polynomial a step.
 
-    table = explicit("DOP853")
-    table.A, table.C, table.E, table.W, table.Q
+    table = explicit("DOP853") table.A, table.C, table.E, table.W, table.Q
 
-Every method hands a step to the event location and the output in the same form, a polynomial in
-θ = (t − t0)/h with the state at t0 as its constant term: RK45 of degree 4 (Shampine), DOP853 of degree 7
-(Hairer, Nørsett, Wanner), fixed-step methods the cubic Hermite interpolant (Euler: the chord), SciPy's implicit
-methods their own interpolants, which are polynomials too.
+Every method hands a step to the event location and the output in the same form, a polynomial in θ =
+(t − t0)/h with the state at t0 as its constant term: RK45 of degree 4 (Shampine), DOP853 of degree
+7 (Hairer, Nørsett, Wanner), fixed-step methods the cubic Hermite interpolant (Euler: the chord),
+SciPy's implicit methods their own interpolants, which are polynomials too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,11 @@ DEGREE = {"LSODA": 12, "Radau": 4, "BDF": 5}
 
 @dataclass(frozen=True)
 class Table:
-    """stages: evaluations of a step; row `stages` of K is the flow at its end, later rows serve the dense output."""
+    """stages.
+
+    Evaluations of a step; row `stages` of K is the flow at its end, later rows serve the dense
+    output.
+    """
 
     stages: int
     order: int  # of the error estimate plus one: the exponent of the step control
@@ -37,11 +41,16 @@ class Table:
     C: np.ndarray  # (rows,)
     E: np.ndarray  # (2, rows) error weights; the second row is DOP853's third-order estimate
     W: np.ndarray  # (rows, degree) weights of the interpolant's own terms, F = h·Wᵀ·K
-    Q: np.ndarray  # (degree, degree) from those terms to powers: coefficient of θ^(k+1) is Σ Q[k, i]·F[i]; zero: they are the powers
+    # (degree, degree) from those terms to powers: coefficient of θ^(k+1) is Σ Q[k, i]·F[i]; zero:
+    # they are the powers
+    Q: np.ndarray
 
 
 def _hermite(B: np.ndarray, stages: int) -> np.ndarray:
-    """Cubic through both ends with both slopes: y0 + hf0·θ + (3Δ − 2hf0 − hf1)θ² + (hf0 + hf1 − 2Δ)θ³."""
+    """Cubic through both ends with both slopes.
+
+    Y0 + hf0·θ + (3Δ − 2hf0 − hf1)θ² + (hf0 + hf1 − 2Δ)θ³.
+    """
     P = np.zeros((stages + 1, 3))
     P[0, 0] = 1
     P[:stages, 1], P[:stages, 2] = 3 * B, -2 * B
@@ -73,8 +82,10 @@ def _dop853() -> Table:
     rows, stages = S.N_STAGES_EXTENDED, S.N_STAGES
     E = np.zeros((2, rows))
     E[0, : stages + 1], E[1, : stages + 1] = S.E5, S.E3
-    # The interpolant is F0·x + F1·x(1−x) + F2·x²(1−x) + …. The F are formed first and turned into powers of x
-    # with small whole numbers: their sum at x = 1 then cancels to rounding, which it does not with the product W·Q.
+    # The interpolant is F0·x + F1·x(1−x) + F2·x²(1−x) + …. The F are formed first and turned into
+    # powers of x
+    # with small whole numbers: their sum at x = 1 then cancels to rounding, which it does not with
+    # the product W·Q.
     F = np.zeros((7, rows))
     F[0, :stages] = S.B
     F[1] = -F[0]
@@ -92,7 +103,10 @@ def _dop853() -> Table:
 
 
 def _from_scipy(file: str, owner: str = "") -> SimpleNamespace:
-    """The numbers that a file of SciPy, or a class in it, assigns; scipy.integrate itself takes half a second to import, and most runs need no more of it."""
+    """The numbers that a file of SciPy, or a class in it, assigns.
+
+    Scipy.integrate itself takes half a second to import, and most runs need no more of it.
+    """
     import scipy
 
     path = Path(scipy.__file__).parent / "integrate" / "_ivp" / f"{file}.py"
@@ -138,11 +152,13 @@ def explicit(method: str) -> Table:
 
 @cache
 def proxy(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """proxy(N) -> nodes (N + 3,), bernstein (N + 1, N + 1), test (2, N + 1) for the guard's polynomial proxy on [0, 1].
+    """proxy(N) -> nodes (N + 3,), bernstein (N + 1, N + 1), test (2, N + 1) for the guard's
+    polynomial proxy on [0, 1].
 
-    The first N + 1 nodes are Chebyshev–Lobatto points; `bernstein` turns values there into Bernstein coefficients,
-    whose sign changes bound the number of roots (Descartes' rule; Lane & Riesenfeld 1981). The last two nodes
-    are test points: `test` predicts the values there, and the misfit says how far the proxy can be trusted.
+    The first N + 1 nodes are Chebyshev–Lobatto points; `bernstein` turns values there into
+    Bernstein coefficients, whose sign changes bound the number of roots (Descartes' rule; Lane &
+    Riesenfeld 1981). The last two nodes are test points: `test` predicts the values there, and the
+    misfit says how far the proxy can be trusted.
     """
     from math import comb
 

@@ -135,7 +135,7 @@ def _points(points: object, t0: float, t_end: float) -> int | np.ndarray:
 def count(value: object, what: str) -> int:
     """count(value, "max_events") -> a whole number of at least 1; else ModelError."""
     try:
-        if not isinstance(value, bool | str) and int(value) == value and value >= 1:  # type: ignore[call-overload]
+        if not isinstance(value, bool | str) and int(value) == value and value >= 1:
             return int(value)  # type: ignore[call-overload]
     except (TypeError, ValueError, OverflowError):  # None, NaN, inf
         pass

@@ -1,4 +1,7 @@
-"""SciPy's LSODA, Radau and BDF as steppers of the core: their interpolants are polynomials, so they fit its form of a step."""
+"""SciPy's LSODA, Radau and BDF as steppers of the core.
+
+Their interpolants are polynomials, so they fit its form of a step.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +17,18 @@ if TYPE_CHECKING:
     from .settings import Settings
 
 
-#: Zero at both ends, slope 1 at the start, slope 0 where Radau collocates: makes its interpolant leave with the flow.
+#: Zero at both ends, slope 1 at the start, slope 0 where Radau collocates: makes its interpolant
+#: leave with the flow.
 RADAU = np.array([0.0, 1.0, -4.5, 6.0, -2.5])
 
 
 class SciPyStep:
-    """SciPyStep(settings, model, width)(w, p, t, h) -> length of the step taken, 0 if SciPy's method gave up.
+    """SciPyStep(settings, model, width)(w, p, t, h) -> length of the step taken, 0 if SciPy's
+    method gave up.
 
-    The method starts anew after each event (its memory of the past would be wrong) and goes on otherwise.
-    Its interpolant is sampled at degree + 1 Chebyshev points and solved for the coefficients: exact but for rounding.
+    The method starts anew after each event (its memory of the past would be wrong) and goes on
+    otherwise. Its interpolant is sampled at degree + 1 Chebyshev points and solved for the
+    coefficients: exact but for rounding.
     """
 
     def __init__(self, settings: Settings, model: Plain, width: int):
@@ -71,15 +77,18 @@ class SciPyStep:
         return self.solver.status != "failed" and bool(np.all(np.isfinite(self.solver.y)))
 
     def _polynomial(self, dense, start: np.ndarray, t: float, length: float) -> np.ndarray:
-        """(degree + 1, n) coefficients of θ: SciPy's interpolant, made to pass through both ends of the step with both slopes.
+        """(degree + 1, n) coefficients of θ: SciPy's interpolant, made to pass through both ends of
+        the step with both slopes.
 
-        SciPy's own misses them by the tolerance, and then invents events near a surface: what is missing
-        is added as a cubic.
+        SciPy's own misses them by the tolerance, and then invents events near a surface: what is
+        missing is added as a cubic.
         """
         samples = dense(t + self.nodes * length).T
         found = self.powers @ (samples - start)
         end, slope = self.solver.y - start, length * self._slope(t, start)
-        if self.settings.method == "Radau":  # passes through both ends, with the right slope where it collocates
+        if (
+            self.settings.method == "Radau"
+        ):  # passes through both ends, with the right slope where it collocates
             found += np.outer(RADAU, slope - found[1])
         else:
             last = length * self._slope(t + length, self.solver.y)
@@ -123,7 +132,8 @@ class SciPyStep:
         return solver
 
     def _absolute(self, w: core.Workspace, p: tuple, mode: int, n: int, t: float) -> list[float]:
-        """The part of the tolerance that does not grow with a state, as in `allowed`; a state that starts from zero has the
+        """The part of the tolerance that does not grow with a state, as in `allowed`; a state that
+        starts from zero has the
         size that its slope gives it in a first step."""
         core.know_flow(self.model, w, p)
         h = max(w.f[core.H], 1e-3 * (w.f[core.T_END] - t))

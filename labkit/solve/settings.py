@@ -68,7 +68,10 @@ class Settings:
         return found
 
     def _kinks(self) -> np.ndarray:
-        """Times at which tables of the time bend; looked for at the model's own start and parameters."""
+        """Times at which tables of the time bend.
+
+        Looked for at the model's own start and parameters.
+        """
         system, options = self.system, self.options
         states = {
             mode: system.S[mode](*(system.start.get(name, 1.0) for name in system.S[mode]._fields))
@@ -113,7 +116,9 @@ class Settings:
             core.KINKS: len(bends),
             core.SCHEDULES: len(self.plans),
             core.POWERS: not table.Q.any(),
-            core.UNSEEN: max((s + 1 for s in range(table.stages) if not table.E[:, s].any()), default=0),
+            core.UNSEEN: max(
+                (s + 1 for s in range(table.stages) if not table.E[:, s].any()), default=0
+            ),
             core.OWN_SIZE: (self.absolute < 0).any(),
         }.items():
             i0[place] = value

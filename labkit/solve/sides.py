@@ -1,9 +1,11 @@
-"""The side of each guard, − or +, where it is not plain from the guard's value: what an event means.
+"""The side of each guard, − or +, where it is not plain from the guard's value: what an event
+means.
 
-Between events every guard has a side. At an instant (an event, a schedule, the start, the end) it is
-the sign of the guard's value; where that is zero to its own rounding, the sign with which the guard
-leaves zero along the flow. `sides` works that out before and after each jump, and a guard whose side
-has changed waits for its transition to act (w.wait). Its slot is its transition's number + 2.
+Between events every guard has a side. At an instant (an event, a schedule, the start, the end) it
+is the sign of the guard's value; where that is zero to its own rounding, the sign with which the
+guard leaves zero along the flow. `sides` works that out before and after each jump, and a guard
+whose side has changed waits for its transition to act (w.wait). Its slot is its transition's number
++ 2.
 
     doubt     how well a guard is known: its own rounding, from its own terms
     leaving   to which side a guard that is zero leaves, by the slope or, if that says nothing, by
@@ -32,9 +34,11 @@ def know_flow(model, w, p):
 
 
 def gauge(model, w, p, mode, n, t, y, k, value, wide):
-    """Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| of the k-th guard, whose value is given; wide: with each state's largest size so far.
+    """Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| of the k-th guard, whose value is given; wide: with each state's
+    largest size so far.
 
-    Times ε it is the guard's rounding; times rtol, and wide, what the tolerance lets it be wrong by.
+    Times ε it is the guard's rounding; times rtol, and wide, what the tolerance lets it be wrong
+    by.
     """
     total = 0.0
     for i in range(n):
@@ -57,7 +61,8 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
 
 
 def grain(model, w, p, mode, n, t, y, k):
-    """The rounding of the k-th guard's constants, which its terms do not show: hypot(x, y + R) − R is known as well as R.
+    """The rounding of the k-th guard's constants, which its terms do not show: hypot(x, y + R) − R
+    is known as well as R.
 
     Fourth differences over steps far too short for the guard itself to bend (Hamming's difference
     table, as in Moré and Wild 2011, ECnoise); the largest of the first four times near zero.
@@ -103,7 +108,10 @@ def doubt(model, w, p, mode, n, t, y, k, value):
 
 
 def look(model, w, p, mode, n, t, e, order, out):
-    """Guards at t + e into `out`, after one step e along the flow: Heun's (order 2) or the classical one (4)."""
+    """Guards at t + e into `out`, after one step e along the flow.
+
+    Heun's (order 2) or the classical one (4).
+    """
     one, two, three, four = w.k[0], w.ahead[1], w.ahead[2], w.ahead[3]
     y, look = w.y, w.y_look
     part = e if order == 2 else 0.5 * e
@@ -128,7 +136,8 @@ def look(model, w, p, mode, n, t, e, order, out):
 
 
 def straight(model, w, p, mode, n, t, y, rate, e, out):
-    """By how much all guards change in a time e with a constant rate: central differences, so that no guard's own curve counts.
+    """By how much all guards change in a time e with a constant rate: central differences, so that
+    no guard's own curve counts.
 
     One that is not defined before t is taken from t on.
     """
@@ -147,7 +156,10 @@ def straight(model, w, p, mode, n, t, y, rate, e, out):
 
 
 def nearby(w, t):
-    """How far slopes are looked for: a small part of a step, and a difference that the clock shows exactly."""
+    """How far slopes are looked for.
+
+    A small part of a step, and a difference that the clock shows exactly.
+    """
     e = max(1e-6 * w.f[H], 1e3 * EPS * max(abs(t), abs(w.f[BEFORE])))
     return (t + e) - t if abs(t) < 1e300 * e else e
 
@@ -165,7 +177,8 @@ def slope_ahead(model, w, p, mode, n, t, k):
 def leaving(model, w, p, mode, n, t, k, value, band):
     """How the k-th guard leaves zero along the flow: ±1 by its slope, ±2 later, 0 never.
 
-    Where ±2, w.f[LATER] is when it is clear of zero, and w.f[GONE] how far it was w.f[GONE_T] from now.
+    Where ±2, w.f[LATER] is when it is clear of zero, and w.f[GONE] how far it was w.f[GONE_T] from
+    now.
     """
     slope = slope_ahead(model, w, p, mode, n, t, k)
     tick = max(abs(t), abs(w.f[BEFORE])) * EPS
@@ -207,10 +220,11 @@ def leaving(model, w, p, mode, n, t, k, value, band):
 
 
 def sides(model, w, p, how, fired):
-    """The side of every guard here, and which of them wait for their transitions to act. PAUSE, or why the run ends.
+    """The side of every guard here, and which of them wait for their transitions to act. PAUSE, or
+    why the run ends.
 
-    how: ARRIVE (at an instant, before anything happens), JUMPED_TO (an event has left the mode as it
-    is; `fired` is its transition), ENTERED (it has changed the mode), START.
+    how: ARRIVE (at an instant, before anything happens), JUMPED_TO (an event has left the mode as
+    it is; `fired` is its transition), ENTERED (it has changed the mode), START.
     """
     i, f = w.i, w.f
     mode, t = i[MODE], f[T]
@@ -276,7 +290,8 @@ def sides(model, w, p, how, fired):
             if w.wait[slot] == 1:  # it leaves the mode before, too
                 w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
             elif q != fired:
-                # one that the mode before had, too, and that has acted at this instant, is not beyond anew
+                # one that the mode before had, too, and that has acted at this instant, is not
+                # beyond anew
                 acted = w.came[slot] == 2 and was > 0 and left_before(w, q)
                 if directed and urgent != NO:
                     w.wait[slot] = 1 if beyond and not acted else 0
@@ -316,7 +331,8 @@ def left_before(w, q):
 
 
 def turned_back(model, w, p, mode, n, t, k, band, now):
-    """Has a change of mode without a jump turned back a guard that is zero (1), or did it come from where it goes (0)?
+    """Has a change of mode without a jump turned back a guard that is zero (1), or did it come from
+    where it goes (0)?
 
     It has the far side of the arrival: the sign of its slope along the flow of the mode before.
     """
@@ -341,10 +357,11 @@ def turned_back(model, w, p, mode, n, t, k, band, now):
 
 
 def stopped(model, w, p, mode, n, t, k, slot, order):
-    """A guard is beyond its surface after its own reset: does the body rest there (1), or pass through (0)?
+    """A guard is beyond its surface after its own reset: does the body rest there (1), or pass
+    through (0)?
 
-    It rests if it came with a speed that the reset has taken away. It also does if the flow it came by
-    says that it did not come at all: then the method's error decides, not the flight.
+    It rests if it came with a speed that the reset has taken away. It also does if the flow it came
+    by says that it did not come at all: then the method's error decides, not the flight.
     """
     w.f[SPEED] = 0.0
     if w.came[slot] == 0 and order != 1 and order != -1:  # not by the flow

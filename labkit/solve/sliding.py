@@ -3,13 +3,15 @@
 Then the state can stay in neither; it moves along the surface with the one mixture of both flows
 that does not leave it,
 
-    (1 − λ)·f_A + λ·f_B   with   λ = a/(a − b),   a = dγ/dt along f_A > 0,   b = dγ/dt along f_B < 0,
+    (1 − λ)·f_A + λ·f_B   with   λ = a/(a − b),   a = dγ/dt along f_A > 0,   b = dγ/dt along f_B <
+    0,
 
 γ being the guard of A, turned so that B begins where it is positive. Sliding ends when a falls to 0
 (back into A) or b rises to 0 (on into B): two more guards, located like all others. Slopes of γ are
 central differences along the flows.
 
-`rates` and `watch` are `flow` and `guards` for all that integrate and look for events, sliding or not.
+`rates` and `watch` are `flow` and `guards` for all that integrate and look for events, sliding or
+not.
 """
 
 from .layout import *
@@ -86,7 +88,8 @@ def watch(model, w, mode, n, t, y, p, out):
 
 
 def begin_sliding(model, w, p, second):
-    """Sliding begins (1) instead of `second`, if that would send back at once what has just come; else 0.
+    """Sliding begins (1) instead of `second`, if that would send back at once what has just come;
+    else 0.
 
     The last event came at this very instant from the mode that `second` leads to, neither changes
     the state, and γ falls along f_B while it rises along f_A: a > b.
@@ -118,7 +121,10 @@ def begin_sliding(model, w, p, second):
     w.f[PROBE] = (t + least) - t
     a, b = pushes(model, w, p, n, t, w.y)
     if abs(a) + abs(b) > 0.0:
-        e = min(max(1e10 * EPS * w.scale[first + 2] / (abs(a) + abs(b)), 1e3 * EPS * abs(t)), 1e-3 * w.f[H])
+        e = min(
+            max(1e10 * EPS * w.scale[first + 2] / (abs(a) + abs(b)), 1e3 * EPS * abs(t)),
+            1e-3 * w.f[H],
+        )
         if e > 0.0 and w.scale[first + 2] > 0.0:
             w.f[PROBE] = (t + e) - t
         a, b = pushes(model, w, p, n, t, w.y)
@@ -145,7 +151,10 @@ def mixing(model, w, p, n, t, y):
 
 
 def gradient(model, w, p, n, t, y, mode, k, out):
-    """∂g/∂(yᵢ/size) of a mode's k-th guard into out, in units of each state's largest size: no unit matters. Its square."""
+    """∂g/∂(yᵢ/size) of a mode's k-th guard into out, in units of each state's largest size.
+
+    No unit matters. Its square.
+    """
     square = 0.0
     for i in range(n):
         w.y_probe[i] = y[i]
@@ -166,7 +175,10 @@ def gradient(model, w, p, n, t, y, mode, k, out):
 
 
 def same_surface(model, w, p, n, t, a, k_a, b, k_b):
-    """Do two guards vanish on one surface (1)? Their gradients are parallel. Two tanks that run dry in turn have two."""
+    """Do two guards vanish on one surface (1)? Their gradients are parallel.
+
+    Two tanks that run dry in turn have two.
+    """
     one = gradient(model, w, p, n, t, w.y, a, k_a, w.rate_a)
     two = gradient(model, w, p, n, t, w.y, b, k_b, w.rate_b)
     both = 0.0
@@ -176,7 +188,10 @@ def same_surface(model, w, p, n, t, a, k_a, b, k_b):
 
 
 def back_to_surface(model, w, p, n, t, y):
-    """One Newton step along the guard's gradient: rounding and the step's error would let the state drift off."""
+    """One Newton step along the guard's gradient.
+
+    Rounding and the step's error would let the state drift off.
+    """
     mode, k = w.i[SLIDE_A], w.i[GUARD_A]
     square = gradient(model, w, p, n, t, y, mode, k, w.rate_a)
     guards(model, mode, t, y, p, w.g_probe)

@@ -46,10 +46,10 @@ def grown(w, mode, n):
 def allowed(w, mode, i, size, h):
     """What a step h may get state i wrong by, where its size is as given.
 
-    Without an `atol` of the user's the part that does not grow with the state is a hundredth of rtol
-    times the largest size that a state of the same unit has had, or what the terms of its derivative
-    move it by in this step; so no unit matters. Numbers without a unit count as 1 at most. Never less
-    than the rounding of the derivative.
+    Without an `atol` of the user's the part that does not grow with the state is a hundredth of
+    rtol times the largest size that a state of the same unit has had, or what the terms of its
+    derivative move it by in this step; so no unit matters. Numbers without a unit count as 1 at
+    most. Never less than the rounding of the derivative.
     """
     absolute = w.absolute[mode][i]
     if absolute < 0.0:
@@ -61,9 +61,11 @@ def allowed(w, mode, i, size, h):
 
 
 def explicit_step(model, w, p, mode, n, t, h):
-    """One step of the table's method from w.y, whose flow is in w.k[0]; returns the error over the tolerance.
+    """One step of the table's method from w.y, whose flow is in w.k[0]; returns the error over the
+    tolerance.
 
-    w.f[LAMBDA] becomes h·|λ|, as far as the last two stages, both at t + h, tell (Hairer and Wanner, IV.2).
+    w.f[LAMBDA] becomes h·|λ|, as far as the last two stages, both at t + h, tell (Hairer and
+    Wanner, IV.2).
     """
     k, y, y_new, err = w.k, w.y, w.y_new, w.err
     a_from, a_column, a_value = w.a_from, w.a_column, w.a_value
@@ -160,7 +162,8 @@ def evaluate(w, n, theta, out):
 
 
 def feel(model, w, p, mode, n, t):
-    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; anew where a state has grown eightfold.
+    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; anew where a state
+    has grown eightfold.
 
     yⱼ is the largest size so far; w.k[0] is the flow.
     """
@@ -188,7 +191,7 @@ def feel(model, w, p, mode, n, t):
 
 def first_step(model, w, p, mode, n):
     """A step to begin with (Hairer, Nørsett, Wanner, II.4), from w.k[0]."""
-    t, rtol = w.f[T], w.f[RTOL]
+    t = w.f[T]
     span = min(w.f[T_END] - t, w.f[MAX_STEP])
     d0, d1, d2 = 0.0, 0.0, 0.0
     for i in range(n):
