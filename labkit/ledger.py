@@ -51,9 +51,8 @@ class Event:
 class Touch:
     """A limit that was touched and not passed: run.touches[0].t, .transition, .by.
 
-    `by` is the guard at its highest, in its own unit: at most the transition's tolerance, and where
-    the guard stays short of its limit at least −tolerance, so that the sign of an error does not
-    matter.
+    `by` is the guard at its highest, in its own unit, within ± the transition's tolerance: below 0
+    it stays short of its limit, for the sign of a numerical error decides nothing.
     """
 
     t: float

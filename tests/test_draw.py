@@ -8,6 +8,7 @@ import sys
 import threading
 import warnings
 from collections import namedtuple
+from dataclasses import replace
 from math import sin
 from types import SimpleNamespace
 
@@ -560,6 +561,17 @@ def test_arrow_heads_point_along_the_trajectory():
     for tip, left, right, *_ in heads:
         way, at = tip - (left + right) / 2, (tip + left + right) / 3
         assert way @ np.array([at[1], -at[0]]) > 0.9 * np.hypot(*way) * np.hypot(*at)  # clockwise
+
+
+def test_a_run_that_ends_at_its_start_is_a_point():
+    """Also where a longer one was shown before it: its heads go."""
+    system = linear([[0, 1], [-1, 0]])
+    layer = trajectories(simulate(system, 6.0, **PLAIN), limits=BOX)
+    stuck = simulate(system, 6.0, points=1, max_steps=1, rtol=1e-12, **PLAIN)
+    stuck = replace(stuck, t=stuck.t[:1], j=stuck.j[:1], mode_index=stuck.mode_index[:1], values=stuck.values[:1], other=stuck.other[:1], part=stuck.part[:1])
+    layer.update(stuck)
+    assert not len(layer.heads[0].get_path().vertices)
+    np.testing.assert_allclose(np.column_stack(layer.starts.get_data()), [[1, 0]])
 
 
 def test_portrait_of_many_and_update_with_other_parameters():

@@ -515,6 +515,8 @@ class Trajectories(Layer):
 
     def _put_arrows(self, X: np.ndarray, Y: np.ndarray, modes: np.ndarray) -> None:
         """Arrow heads at set distances along each trajectory, as on paper, inside the picture."""
+        if X.shape[1] == 1:  # none came beyond its start: no length, no head
+            X, Y, modes = (np.repeat(array, 2, axis=1) for array in (X, Y, modes))
         (x0, x1), (y0, y1) = self.limits
         shape, size = self.shape, self.size
         x, y = (X - x0) / (x1 - x0) * shape, (Y - y0) / (y1 - y0)
