@@ -187,6 +187,7 @@ def start_sliding(model, w, p):
     enter(model, w, p, i[SLIDE_A], SLIDE, n)
     for slot in range(2):
         w.side[slot], w.scale[slot], w.wait[slot], w.flat[slot] = -1, 0.0, 0, 0
+        w.scale_y[slot][i[WIDTH]] = -1.0
     return settled(model, w, p, surface)
 
 

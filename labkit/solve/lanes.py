@@ -27,6 +27,7 @@ def begin(model, w, p, lane):
     for slot in range(i[TRANSITIONS] + 2):
         w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
         w.slack[slot], w.scale[slot], w.swing[slot] = 0.0, 0.0, 0.0
+        w.scale_y[slot][i[WIDTH]] = -1.0
     for s in range(i[SCHEDULES]):
         w.plan_next[s] = w.plan_next0[lane][s]
     for m in range(i[MODES]):

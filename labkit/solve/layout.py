@@ -152,7 +152,7 @@ def workspace(z):
         ("came", "i", (slots,)),  # it was located at this instant
         ("slack", "f", (slots,)),  # what it was located with: counts as zero while it is flat
         ("scale", "f", (slots,)),  # Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| where it was last worked out, at w.scale_y
-        ("scale_y", "f", (slots, z.width + 1)),
+        ("scale_y", "f", (slots, z.width + 1)),  # sizes of the states, then of t: −1 before that
         ("swing", "f", (slots,)),  # the largest slope seen in the last step
         ("rises", "i", (slots,)),  # it was rising where the last step ended (for touches)
         # room for looking ahead, and for sliding
