@@ -51,7 +51,8 @@ class Event:
 class Touch:
     """A limit that was touched and not passed: run.touches[0].t, .transition, .by.
 
-    `by` is the guard at its highest, 0 … the transition's tolerance, in the guard's unit.
+    `by` is the guard at its highest, in its own unit: at most the transition's tolerance, and where
+    the guard stays short of its limit at least −tolerance, so that the sign of an error does not matter.
     """
 
     t: float
@@ -59,7 +60,8 @@ class Touch:
     by: float
 
     def __str__(self) -> str:
-        return f"{self.t:12.6f}  {self.transition}: touched, no event (by {self.by:.3g})"
+        far = f"by {self.by:.3g}" if self.by >= 0 else f"{-self.by:.3g} short of it"
+        return f"{self.t:12.6f}  {self.transition}: touched, no event ({far})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -319,7 +319,7 @@ def error_table(
 
     What each method costs and how far it is from the exact solution.
     The number beside a method is its step where it has a fixed one (Euler, Heun, RK4), else its
-    rtol (atol is a hundredth of it).
+    rtol.
     """
     from .solve import simulate
     from .solve.methods import FIXED_STEP
@@ -332,7 +332,7 @@ def error_table(
             horizon,
             start=start,
             method=method,
-            **({"step": value} if fixed else {"rtol": value, "atol": value / 100}),
+            **{"step" if fixed else "rtol": value},
             **parameters,
         )
         error, size = (

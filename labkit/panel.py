@@ -309,9 +309,7 @@ def explore(system: System, horizon: float, draw: Callable[[Run], View] | None =
         parameters = {name: values.get(f"p.{name}", value) for name, value in p.items() if name in model.parameters}
         where = {name: values.get(f"start.{name}", value) for name, value in begin.items() if name in model.start}
         how = settings | {key: values[key] for key in settings if key in values}
-        how |= {"atol": options.get("atol", how["rtol"] / 100)}
-        for useless in ("rtol", "atol") if how["method"] in FIXED_STEP else ("step",):
-            del how[useless]
+        del how["rtol" if how["method"] in FIXED_STEP else "step"]
         return simulate(model, **{**options, "start": where, **parameters, **how, **chosen})
 
     controls = [Control(f"choice.{label}", "variant", label, "", next(iter(variants)), "select", options=tuple(variants)) for label, variants in choices.items()]

@@ -1,6 +1,7 @@
 """What several tests need of notebooks and browsers.
 
     load("part3/00_sample_dry_friction")["system"]       the notebook's names after its code cells ran
+    run_cell("x = 1", "<a cell>", {})["x"]               the names after one cell's text ran
     find_browser()                                       path of an installed Chrome, Chromium or Edge, or None
 """
 
@@ -47,11 +48,16 @@ def load(name: str) -> dict:
     try:
         with mock.patch.dict(os.environ, LABKIT_CHECK="0"):
             for number, cell in enumerate(code_cells(read(name)), 1):
-                text, place = source(cell), f"<{name}, code cell {number}>"
-                linecache.cache[place] = (len(text), None, text.splitlines(True), place)  # so that a traceback shows the line
-                exec(compile(text, place, "exec"), namespace)
+                run_cell(source(cell), f"<{name}, code cell {number}>", namespace)
     finally:
         os.chdir(before)
+    return namespace
+
+
+def run_cell(text: str, place: str, namespace: dict) -> dict:
+    """run_cell("x = 1", "<a cell>", {}) -> the namespace after the text ran; the text is at hand, as a notebook's is, for tracebacks and to compile models."""
+    linecache.cache[place] = (len(text), None, text.splitlines(True), place)
+    exec(compile(text, place, "exec"), namespace)
     return namespace
 
 

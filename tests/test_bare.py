@@ -9,6 +9,7 @@ from labkit import Handle, explore, figure, phase_portrait
 
 from .bare import Fingers, made_by, opened, saved, shown
 from .benchmarks.latency import SETUP
+from .helpers import run_cell
 from .lab import CELLS, HANDS
 
 
@@ -37,8 +38,7 @@ def test_the_canvas_shows_what_matplotlib_saves(browser, name):
 def test_the_canvas_shows_what_matplotlib_saves_of_the_benchmarks_load(browser, tmp_path, monkeypatch):
     """2 curves, 40 trajectories of 300 points, 400 arrows."""
     monkeypatch.chdir(tmp_path)
-    names = {}
-    exec(SETUP, names)
+    names = run_cell(SETUP, "<the benchmark>", {})
     panel = names["explore"](names["system"], 10.0, names["draw"], start=False, method=False)
     for ratio in (1, 2):
         like_what_is_saved(browser, panel, ratio)
@@ -50,10 +50,8 @@ def test_the_canvas_shows_what_matplotlib_saves_of_the_benchmarks_load(browser, 
 @pytest.fixture
 def hands():
     """The panel of tests/lab.py that all hands can move."""
-    names = {}
-    exec(CELLS[0], names)
-    exec(HANDS.replace("explore(", "panel = explore("), names)
-    return names["panel"]
+    names = run_cell(CELLS[0], "<the lab's first cell>", {})
+    return run_cell(HANDS.replace("explore(", "panel = explore("), "<the lab's hands>", names)["panel"]
 
 
 def until(page, check, seconds=60):

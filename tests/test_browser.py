@@ -18,7 +18,7 @@ from labkit.__main__ import lab_environment, show_command, warm
 from labkit.notebooks import WIDGET, strip
 
 from .bare import Fingers, pixels, shown
-from .helpers import FOLDER, NOTEBOOKS, ROOT, read, source
+from .helpers import FOLDER, NOTEBOOKS, ROOT, read, run_cell, source
 from .lab import CELLS, HANDS, Lab, open_notebook, run_all, running_lab
 
 SMALL = "small"  # a notebook of the tests, beside the real ones
@@ -167,8 +167,7 @@ def test_the_panel(page, lab):
     assert panel.locator(".labkit-range").nth(1).evaluate("range => [range.valueAsNumber, range.getAttribute('aria-valuetext')]") == [0.1, "0.1 1/s"]
 
     # The canvas shows what Matplotlib saves.
-    names = {}
-    exec(CELLS[0], names)
+    names = run_cell(CELLS[0], "<the lab's first cell>", {})
     figure = names["time_plot"](names["simulate"](names["system"], names["horizon"]), "x", height=3).figure
     figure.set_dpi(96)
     figure.canvas.print_png(file := io.BytesIO())

@@ -69,7 +69,8 @@ def simulate(
                   and one after
     locate        False: events are noticed only at the end of a step, as by a solver that knows
                   nothing of them
-    backend       "auto" (compiled once that is ready), "compiled", "plain": the same numbers
+    backend       "auto" (compiled once that is ready), "compiled", "plain": the same numbers; a model
+                  that cannot be compiled runs plain, and a warning names the line
     max_events    when to give up, as after max_steps; the run then keeps what there is and says so
                   in run.ended and run.stopped
     parameters    any of the system's parameters by name

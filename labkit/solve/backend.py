@@ -471,7 +471,7 @@ def _settle() -> None:
 def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code | None:
     """compiled(system) -> Code, or None while it is being made (or cannot be).
 
-    wait=True waits and raises ModelError if it cannot be made; `patience` waits so many seconds at
+    wait=True waits, and raises ModelError where nothing can be compiled; `patience` waits so many seconds at
     most and raises nothing. What only has to be read from disk is there at once; Numba's imports
     are waited for (a second, once), because they and a running cell can break each other: see
     _import.
@@ -516,10 +516,7 @@ def _compiled(system: System, wait: bool) -> Code | None:
     if state.error is None and state.code is None and wait:
         _prepare(system, state)
     if state.error is not None and wait:
-        raise ModelError(
-            f"{system.name!r} cannot be compiled, use backend='plain' or mend it: "
-            f"{str(state.error).strip() or repr(state.error)}"
-        ) from state.error
+        state.fail(system, state.error)  # said again to who asks for it
     return state.code
 
 

@@ -110,12 +110,28 @@ def accepted(w, t, h):
     i[STEPS] += 1
 
 
+def jumps_here(w, n):
+    """Does a rate change by half in a step that hardly moves its state (1)?"""
+    i, f = w.i, w.f
+    for q in range(n):
+        change, largest = 0.0, 0.0
+        for stage in range(i[STAGES] + 1):
+            change = max(change, abs(w.k[stage][q] - w.k[0][q]))
+            largest = max(largest, abs(w.k[stage][q]))
+        if change > 0.5 * largest and f[H] * largest < 1e-4 * w.most[q]:
+            if i[JUMPS] == 0:
+                f[JUMP_T] = f[T]
+            i[JUMPS] += 1
+            return 1
+    return 0
+
+
 def given_up(w):
     """Why there are no more steps: the flow is stiff, it jumps, or neither is known."""
     i = w.i
     if i[ADAPTIVE] == 1 and 2 * i[STIFFS] > i[STEPS]:
         return STIFF
-    if i[ADAPTIVE] == 1 and i[JUMPS] > 0:
+    if i[ADAPTIVE] == 1 and (jumps_here(w, w.size[i[MODE]]) == 1 or i[JUMPS] > 0):
         return HIDDEN_JUMP
     return STEPS_OUT
 
@@ -152,10 +168,10 @@ def advance(model, w, p, budget):
         least = 8.0 * EPS * abs(t)
         if i[ADAPTIVE] < 2:
             know_flow(model, w, p)
-            if i[ADAPTIVE] == 1 and i[OWN_SIZE] == 1 and w.felt[mode] == 0:
+            if i[ADAPTIVE] == 1 and i[OWN_SIZE] == 1:
                 feel(model, w, p, mode, n, t)
         limit = min(due, f[T_END])
-        h = min(f[H], f[MAX_STEP])
+        h = min(f[H], f[MAX_STEP], f[CAP])
         # a thousand steps of a thousandth are a thousand steps, not one more
         snapped = h >= limit - t - max(least, 1e-9 * h)
         h = limit - t if snapped else (t + h) - t  # the length that the clock will show
@@ -177,7 +193,7 @@ def advance(model, w, p, budget):
                 shrink = max(0.2, 0.9 * error ** (-1.0 / order)) if error < 1e290 else 0.1
                 refused(w, t, h, shrink)
                 if f[H] < least or f[H] < 1e-290:
-                    return UNDERFLOW
+                    return HIDDEN_JUMP if jumps_here(w, n) == 1 and error < 1e290 else UNDERFLOW
                 continue
             if i[ADAPTIVE] == 1:
                 factor = 10.0 if error == 0.0 else min(10.0, 0.9 * error ** (-1.0 / order))
@@ -210,6 +226,10 @@ def advance(model, w, p, budget):
             theta, k = find_event(model, w, p, mode, n, t, h, i[ENTRY])
             if i[DENSE] == 1 and i[SLIDING] == 0 and theta >= 0.0:
                 note_touches(model, w, p, mode, n, t, h, min(theta, 1.0))
+        if theta == -3.0:  # a guard does too much in it
+            f[CAP] = 0.1 * h
+            refused(w, t, h, 0.1)
+            continue
         if theta == -2.0:  # not a number: the step may have gone too far
             refused(w, t, h, 0.25)
             i[FRESH], i[KNOWN] = 1, 0
@@ -235,7 +255,7 @@ def advance(model, w, p, budget):
             i[ENTRY] = 0
             if i[SLIDING] == 1:
                 back_to_surface(model, w, p, n, end, w.y)
-            grown(w, n)
+            grown(w, mode, n)
             if wanted or (i[GRID] < i[SAMPLES] and w.grid[i[GRID]] <= end):
                 sample(model, w, p, t, h, end, mode, n)
         if k < 0 and i[ADAPTIVE] < 2:

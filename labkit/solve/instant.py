@@ -6,8 +6,9 @@ used once; `sides` says who waits.
 """
 
 from .layout import *
-from .sides import know_flow, leaves, sides
+from .sides import CLEAR, know_flow, leaves, sides
 from .sliding import begin_sliding, mixing
+from .step import grown
 
 
 def room(w):
@@ -75,6 +76,11 @@ def enter(model, w, p, mode, target, n):
     i[MODE] = mode
     i[KNOWN], i[FRESH], i[ENTRY], i[BUSY] = 0, 1, 1, 1
     i[SAME] = i[SAME] + 1 if w.f[T] == w.f[EVENT_T] else 1
+    gap = w.f[T] - w.f[EVENT_T]
+    if gap > 0.0:
+        if i[ADAPTIVE] == 1:  # in a step over many events a guard is seen too coarsely
+            w.f[H] = min(w.f[H], 16.0 * max(gap, w.f[GAP]))
+        w.f[GAP] = gap
     w.f[EVENT_T] = w.f[T]
     record(model, w, p, w.f[T], mode, n, w.y)
 
@@ -84,12 +90,6 @@ def carry(w):
     for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
         w.y_new[i], w.y_try[i] = w.y[i], w.y[i]
         w.y_look[i], w.y_shake[i], w.y_probe[i] = w.y[i], w.y[i], w.y[i]
-
-
-def grown(w, n):
-    """The largest size of each state so far."""
-    for i in range(n):
-        w.most[i] = max(w.most[i], abs(w.y[i]))
 
 
 def arrive(model, w, p):
@@ -128,7 +128,7 @@ def use(w, q):
     """Its crossing, its instant or its dead time is used."""
     i = w.i
     if i[KIND] == CROSSED:
-        w.wait[q + 2] = 0
+        w.wait[q + 2], w.came[q + 2] = 0, 2
     elif i[KIND] == DUE:
         for s in range(i[SCHEDULES]):
             if w.plan[s] == q:
@@ -149,7 +149,9 @@ def drop(w, place):
 
 def forget(w):
     """The instant is over: what was due and leaves another mode is dropped."""
-    w.i[BUSY] = 0
+    w.i[BUSY], w.f[BLUR] = 0, 0.0
+    while w.i[KINK] < w.i[KINKS] and w.kink[w.i[KINK]] <= w.f[UNTIL]:
+        w.i[KINK] += 1
     for s in range(w.i[SCHEDULES]):
         while plan_time(w, s) <= w.f[UNTIL]:
             w.plan_next[s] += 1
@@ -187,7 +189,6 @@ def start_sliding(model, w, p):
     enter(model, w, p, i[SLIDE_A], SLIDE, n)
     for slot in range(2):
         w.side[slot], w.scale[slot], w.wait[slot], w.flat[slot] = -1, 0.0, 0, 0
-        w.scale_y[slot][i[WIDTH]] = -1.0
     return settled(model, w, p, surface)
 
 
@@ -239,15 +240,17 @@ def fire(model, w, p, q):
         return TERMINAL
     size = w.size[target]
     reset(model, q, mode, w.f[T], w.y, p, w.y_new)
-    for k in range(size):
+    for k in range(size):  # a state that has jumped has the size that it has now
+        if w.family[mode] != w.family[target] or abs(w.y_new[k] - w.y[k]) > 0.5 * w.most[k]:
+            w.most[k] = 0.0
         w.y[k] = w.y_new[k]
     for k in range(i[WIDTH], i[WIDTH] + i[HELD]):
+        if w.y_new[k] != w.y[k]:  # guards may have another size now
+            for slot in range(i[TRANSITIONS] + 2):
+                w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 0.0, 0
         w.y[k] = w.y_new[k]
     carry(w)
-    if w.family[mode] != w.family[target]:
-        for k in range(size):
-            w.most[k] = 0.0
-    grown(w, size)
+    grown(w, target, size)
     enter(model, w, p, target, target, size)
     own = q if i[KIND] == CROSSED or mode != target else -9
     status = sides(model, w, p, JUMPED_TO if mode == target else ENTERED, own)
@@ -255,10 +258,12 @@ def fire(model, w, p, q):
         return status
     if i[KIND] == CROSSED:
         flight(w, q)
-    if status == CONTACT or w.few[q] > 3 + i[TRANSITIONS]:
-        status = pile_up(model, w, p, q)
+    if status == CONTACT:
+        status = pile_up(model, w, p, q, True)
+    elif w.few[q] > 3 + i[TRANSITIONS]:
+        status = pile_up(model, w, p, q, False)
     elif i[SAME] > 5000 + 10 * i[TRANSITIONS] * i[TRANSITIONS]:
-        status = pile_up(model, w, p, q) if w.shorter[q] >= 3 else LOOP
+        status = pile_up(model, w, p, q, False) if w.shorter[q] >= 3 else LOOP
     grow_old(w, q, size)
     return status
 
@@ -286,21 +291,29 @@ def flight(w, q):
 def grow_old(w, q, size):
     w.last_t[q] = w.f[T]
     for k in range(size):
+        w.last_move[q][k] = w.y[k] - w.last_y[q][k]
         w.last_y[q][k] = w.y[k]
 
 
-def pile_up(model, w, p, q):
+def pile_up(model, w, p, q, touching):
     """Flights that cannot be resolved any more: over to the mode of rest, at the instant and the state they tend to.
 
-    Flights that shrink by the ratio r add up to gap·r/(1 − r) after the last one, and the states go on
-    to s + (s − s_before)·r/(1 − r) (Aitken).
+    Flights that shrink by the ratio r add up to gap·r/(1 − r) after the last one. States that move by r
+    times less from flight to flight go on to s + (s − s_before)·r/(1 − r) (Aitken), the others along the
+    flow. touching: the last flight has ended in contact; that is a pile only if the next one, by its
+    ratio, could not have been told from rest, else an impact that has taken all speed.
     """
     i, f = w.i, w.f
     t, mode, gap = f[T], i[MODE], w.last_gap[q]
-    n, more, factor = w.size[mode], 0.0, 0.0
+    n, more, factor, ratio = w.size[mode], 0.0, 0.0, 0.0
     zeno = w.shorter[q] >= 2 and w.anchor[q][1] > 0.0
     if zeno:
         ratio = (gap / w.anchor[q][0]) ** (1.0 / w.anchor[q][1])
+        if touching:
+            height = 0.25 * f[SPEED] * ratio * ratio * gap
+            short = gap * ratio <= 512.0 * EPS * max(abs(t), abs(f[BEFORE]))
+            zeno = short or height <= 8.0 * CLEAR * f[BAND]
+    if zeno:
         factor = ratio / (1.0 - ratio)
         more = gap * factor
     f[ZENO_T] = t + more
@@ -311,19 +324,24 @@ def pile_up(model, w, p, q):
     limit = min(next_due(w), f[T_END])
     if t + more > limit:
         more, factor = max(0.0, limit - t), 0.0
-    for k in range(n):
-        step = (w.y[k] - w.last_y[q][k]) * factor
-        w.poly[0][k], w.poly[1][k] = w.y[k], step
-        for d in range(2, i[DEGREE] + 1):
-            w.poly[d][k] = 0.0
-        w.y[k] += step
     if t + more > t:
+        know_flow(model, w, p)
+        for k in range(n):
+            step = w.y[k] - w.last_y[q][k]
+            move = w.last_move[q][k]
+            if abs(step - ratio * move) <= 0.1 * (1.0 - ratio) * abs(move):
+                step *= factor
+            else:
+                step = more * w.k[0][k]
+            w.poly[0][k], w.poly[1][k] = w.y[k], step
+            for d in range(2, i[DEGREE] + 1):
+                w.poly[d][k] = 0.0
+            w.y[k] += step
         keep_piece(w, t, more, mode, n)
         f[T] = t + more
-        i[BUSY] = 0
         for slot in range(i[TRANSITIONS] + 2):
             w.came[slot], w.slack[slot], w.wait[slot] = 0, 0.0, 0
-        f[BEFORE], f[UNTIL] = t, f[T]
+        f[BEFORE], f[UNTIL], f[BLUR] = t, f[T], more
         i[ARRIVED] = mode
     leave(model, w, p, mode, mode, n, q)
     enter(model, w, p, rest, rest, n)
@@ -340,8 +358,8 @@ def plan_time(w, s):
 
 
 def next_due(w):
-    """The next instant of a schedule or at the end of a dead time."""
-    due = 1e300
+    """The next instant of a schedule, at the end of a dead time, or where a table of the time bends."""
+    due = w.kink[w.i[KINK]] if w.i[KINK] < w.i[KINKS] else 1e300
     for s in range(w.i[SCHEDULES]):
         due = min(due, plan_time(w, s))
     for q in range(w.i[PENDING]):

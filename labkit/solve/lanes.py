@@ -26,12 +26,12 @@ def begin(model, w, p, lane):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
         w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
-        w.slack[slot], w.scale[slot], w.swing[slot] = 0.0, 0.0, 0.0
-        w.scale_y[slot][i[WIDTH]] = -1.0
+        w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 0.0, 0.0, 0
     for s in range(i[SCHEDULES]):
         w.plan_next[s] = w.plan_next0[lane][s]
     for m in range(i[MODES]):
-        w.felt[m] = 0
+        for q in range(i[WIDTH]):
+            w.terms[m][q], w.felt[m][q] = 0.0, -1.0
     mode = i[MODE]
     n = w.size[mode]
     for q in range(i[WIDTH] + i[HELD]):
@@ -39,14 +39,14 @@ def begin(model, w, p, lane):
     for q in range(n):
         w.most[q] = 0.0
     carry(w)
-    grown(w, n)
+    grown(w, mode, n)
     record(model, w, p, f[T], mode, n, w.y)
     know_flow(model, w, p)
     for q in range(n):
         if not isfinite(w.k[0][q]):
             return BAD_START
     if f[H] <= 0.0:
-        f[H] = first_step(model, w, p, mode, n)
+        f[H] = max(first_step(model, w, p, mode, n), 64.0 * EPS * abs(f[T]))
     status = sides(model, w, p, START, -9)
     return BAD_START if status == GUARD_NAN else status
 

@@ -32,11 +32,13 @@ EPS = 2.220446049250313e-16
 (STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER) = (
     range(31, 42)
 )
-(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS, OWN_SIZE) = range(42, 51)
-UNSEEN, LANES = 51, 52
+(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS) = range(42, 50)
+(OWN_SIZE, KINKS, UNSEEN, LANES) = range(50, 54)
 # Which lane is under way, and whether it has begun
-LANE, BEGUN = 53, 54
-INTEGERS = 55
+LANE, BEGUN = 54, 55
+# The next place where a table of the time bends; steps refused because a guard does too much in them
+KINK, WILD = 56, 57
+INTEGERS = 58
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:
@@ -46,7 +48,11 @@ ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # TURN: −1 where the surface's guard crossed downwards
 (T, H, T_END, RTOL, MAX_STEP, T0, EVENT_T, ZENO_T, PROBE) = range(9)
 (BEFORE, UNTIL, LATER, GONE, LAMBDA, STREAK_H, JUMP_T, TURN, GONE_T) = range(9, 18)
-FLOATS = 18
+# SPEED, BAND: of the guard whose body rests (stopped); BLUR: how far the clock has just been moved on;
+# CAP: a longer step would step over what a guard does
+# GAP: time between the last two events
+(SPEED, BAND, BLUR, CAP, GAP) = range(18, 23)
+FLOATS = 23
 # What is kept of a lane that is done, in w.done: why it ended, the last transition, where its samples
 # end, its work, places where its flow seemed to jump
 STATUS, LAST, END, EVENTS, ACCEPTED, FAILED, RATES, LOOKS, JUMPED = range(9)
@@ -57,6 +63,7 @@ UNDERFLOW, QUEUE_FULL, GUARD_NAN, BAD_START, STIFF, HIDDEN_JUMP = range(9, 15)
 
 QUEUE = 256  # dead-time transitions under way at once
 MOST_TOUCHES = 64  # touched limits that are noted
+MOST_WILD = 40  # after so many steps refused for a guard that cannot be followed, its samples are believed
 SLIDE = -2  # stands for the sliding mode in the ledger
 # Of DOP853's polynomial; on smooth stretches it is below 30, and the error between the ends then
 # below the tolerance
@@ -86,6 +93,7 @@ def workspace(z):
         ("plan_period", "f", (z.lanes, z.schedules)),
         ("instant", "f", (z.lanes, z.instants)),
         ("grid", "f", (z.grid,)),
+        ("kink", "f", (z.kinks,)),
         # the method: sparse rows of its matrices
         ("a_from", "i", (z.rows + 1,)),
         ("a_column", "i", (z.a,)),
@@ -108,6 +116,7 @@ def workspace(z):
         ("size", "i", (z.modes,)),
         ("family", "i", (z.modes,)),
         ("absolute", "f", (z.modes, z.width)),
+        ("kind", "i", (z.modes, z.width)),  # states of one unit are of one kind, 0 without a unit
         ("leave_from", "i", (z.modes + 1,)),
         ("leave", "i", (z.guards,)),
         ("source", "i", (z.transitions, z.modes)),
@@ -132,8 +141,9 @@ def workspace(z):
         ("poly", "f", (z.degree + 1, z.width)),
         ("kept", "f", (z.degree + 1, z.width)),
         ("most", "f", (z.width,)),  # the largest size of each state so far
-        ("rough", "f", (z.modes, z.width)),  # the rounding of each derivative
-        ("felt", "i", (z.modes,)),  # … once it is known
+        ("size_of", "f", (z.units + 1,)),  # … and of each kind
+        ("terms", "f", (z.modes, z.width)),  # the size of what each derivative is made of
+        ("felt", "f", (z.modes, z.width)),  # … for states of this size, −1 if never
         # guards in a step, by their place among those looked at
         ("at_node", "f", (z.proxy + 3, z.guards + 2)),
         ("value", "f", (z.proxy + 3,)),
@@ -149,10 +159,12 @@ def workspace(z):
         ("flat", "i", (slots,)),  # zero where the step begins
         ("awake", "f", (slots,)),  # … and from this time on clear of zero
         ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
-        ("came", "i", (slots,)),  # it was located at this instant
+        ("came", "i", (slots,)),  # 1: it crosses at this instant along the flow; 2: and has acted
         ("slack", "f", (slots,)),  # what it was located with: counts as zero while it is flat
         ("scale", "f", (slots,)),  # Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| where it was last worked out, at w.scale_y
-        ("scale_y", "f", (slots, z.width + 1)),  # sizes of the states, then of t: −1 before that
+        ("scale_y", "f", (slots, z.width + 1)),
+        ("grain", "f", (slots,)),  # the rounding of its constants, as measured
+        ("grains", "i", (slots,)),  # … so many times
         ("swing", "f", (slots,)),  # the largest slope seen in the last step
         ("rises", "i", (slots,)),  # it was rising where the last step ended (for touches)
         # room for looking ahead, and for sliding
@@ -176,6 +188,7 @@ def workspace(z):
         ("few", "i", (z.transitions,)),
         ("anchor", "f", (z.transitions, 4)),
         ("last_y", "f", (z.transitions, y)),
+        ("last_move", "f", (z.transitions, y)),
         # what comes out
         ("out", "f", (z.out, 5 + y)),
         ("ledger", "f", (z.ledger, 5 + 2 * y)),

@@ -75,7 +75,8 @@ def refine(model, w, p, mode, n, t, h, k, a, fa, b, fb):
 
 
 def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
-    """θ ∈ [begin, limit] of the first event of the k-th guard in this step; 2 if none, −2 if it is not a number.
+    """θ ∈ [begin, limit] of the first event of the k-th guard in this step; 2 if none, −2 if it is not a number,
+    −3 if it does more than can be followed in so long a step.
 
     Its side before the step is w.side; w.turn[k] becomes that at `limit`, w.quiet[k] 1 if it went
     back from beyond on the way, which is no event of a guard with a direction.
@@ -91,7 +92,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
     value, hull, stack = w.value, w.hull, w.stack
     stack[0], stack[1] = begin, limit
     depth, looks = 1, 0
-    own = -1.0  # how well the guard is known: asked for when it matters
+    own, own_a, own_b = -1.0, 2.0, 2.0  # how well the guard is known, and where: asked for when it matters
     w.near[k], w.quiet[k] = 1, 0
     while depth > 0:
         depth -= 1
@@ -131,8 +132,12 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 total += line[q] * value[q]
             hull[j] = total
             largest = max(largest, abs(total))
-        if own < 0.0 and (looks > 1 or w.flat[slot] == 1 or largest < 1e-9 * w.scale[slot]):
-            own = doubt(model, w, p, mode, n, t, w.poly[0], k, w.at_node[0][k])
+        nested = own_a <= a and b <= own_b and width > 0.125 * (own_b - own_a)
+        if not nested and (looks > 1 or flat or largest < 1e-9 * w.scale[slot]):
+            own_a, own_b = a, b
+            middle = a + width * w.node[top // 2]
+            evaluate(w, n, middle, w.y_try)
+            own = doubt(model, w, p, mode, n, t + middle * h, w.y_try, k, value[top // 2])
             if w.flat[slot] == 1:
                 own += 2.0 * w.slack[slot]  # what it was located with still counts as zero
         margin = max(4.0 * misfit + 8.0 * EPS * largest, own)
@@ -180,6 +185,9 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 theta = refine(model, w, p, mode, n, t, h, k, a, value[0], b, value[top])
             w.turn[k] = sign
             return theta
+        if looks > 400 and w.i[ADAPTIVE] == 1 and w.i[WILD] < MOST_WILD:
+            w.i[WILD] += 1
+            return -3.0
         if finest:  # rounding rules here: believe the samples
             for j in range(1, top + 1):
                 if value[j] * side < 0.0 and abs(value[j]) > own:
@@ -206,7 +214,7 @@ def first_look(w, t, h, slot):
 
 
 def find_event(model, w, p, mode, n, t, h, entry):
-    """(θ, place of the guard) of the step's first event, 2 and −1 if there is none, −2 if a guard is not a number.
+    """(θ, place of the guard) of the step's first event, 2 and −1 if there is none, −2 and −3 as above.
 
     All guards that cross within rounding of the first are marked (w.came); θ is where the last of them
     has crossed. Without an event the sides become those at the end of the step.
@@ -228,7 +236,7 @@ def find_event(model, w, p, mode, n, t, h, entry):
         w.turn[k], w.quiet[k], w.near[k], w.root[k] = w.side[slot], 0, 1, 2.0
         if begin < limit:
             theta = first_crossing(model, w, p, mode, n, t, h, k, begin, limit)
-            if theta == -2.0:
+            if theta < -1.0:
                 return theta, k
             w.root[k] = theta
             if theta < best:

@@ -24,7 +24,7 @@ IMPLICIT = ("LSODA", "Radau", "BDF")
 METHODS = EXPLICIT + IMPLICIT
 FIXED_STEP = ("Euler", "Heun", "RK4")
 #: Degree of the interpolant of SciPy's methods (the highest order that LSODA and BDF may choose).
-DEGREE = {"LSODA": 12, "Radau": 3, "BDF": 5}
+DEGREE = {"LSODA": 12, "Radau": 4, "BDF": 5}
 
 
 @dataclass(frozen=True)

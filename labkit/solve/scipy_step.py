@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from .settings import Settings
 
 
+#: Zero at both ends, slope 1 at the start, slope 0 where Radau collocates: makes its interpolant leave with the flow.
+RADAU = np.array([0.0, 1.0, -4.5, 6.0, -2.5])
+
+
 class SciPyStep:
     """SciPyStep(settings, model, width)(w, p, t, h) -> length of the step taken, 0 if SciPy's method gave up.
 
@@ -30,34 +34,41 @@ class SciPyStep:
         self.nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
         self.powers = np.linalg.inv(np.vander(self.nodes, increasing=True))
         self.solver = None
-        self.last = None
+        self.seen, self.sizes = None, []
 
     def __call__(self, w: core.Workspace, p: tuple, t: float, h: float) -> float:
         mode = w.i[core.MODE]
         n = w.size[mode]
         bound = min(core.next_due(w), w.f[core.T_END])
-        if (
-            w.i[core.FRESH] == 1
-            or self.solver is None
-            or self.solver.t_bound != bound
-            or self.solver.status != "running"
-        ):
-            self.solver = self._start(w, p, mode, n, t, bound)
+        longest = w.f[core.MAX_STEP]
+        anew = w.i[core.FRESH] == 1 or self.solver is None
+        # the tolerance of a solver is that of its start: anew where states have outgrown it
+        anew = anew or any(s > 100 * size for s, size in zip(w.size_of, self.sizes, strict=True))
+        if anew or self.solver.t_bound != bound or self.solver.status != "running":
+            self.solver, self.seen = self._start(w, p, mode, n, t, bound, longest), None
             w.i[core.FRESH] = 0
+        while not self._step(w):  # it has gone where the flow is no number, or given up: shorter
+            longest = min(longest, self.solver.max_length, bound - t) / 4
+            if longest < 1e3 * core.EPS * abs(t) or longest < 1e-290:
+                return 0.0
+            self.solver = self._start(w, p, mode, n, t, bound, longest)
+        length, before = self.solver.t - t, self.solver.nfev
+        mine = self._polynomial(self.solver.dense_output(), np.array(w.y[:n]), t, length)
+        for row, values in zip(w.poly, mine, strict=True):
+            row[:n] = values.tolist()
+        w.i[core.FLOWS] += self.solver.nfev - before
+        w.y_new[:n] = self.solver.y.tolist()
+        return length
+
+    def _step(self, w: core.Workspace) -> bool:
+        """One step of SciPy's; False if it cannot be used."""
         before = self.solver.nfev
         try:
             self.solver.step()
         except (ValueError, np.linalg.LinAlgError):  # NaN in the Jacobian
-            return 0.0
+            return False
         w.i[core.FLOWS] += self.solver.nfev - before
-        if self.solver.status == "failed" or not np.all(np.isfinite(self.solver.y)):
-            return 0.0
-        length = self.solver.t - t
-        mine = self._polynomial(self.solver.dense_output(), np.array(w.y[:n]), t, length)
-        for row, values in zip(w.poly, mine, strict=True):
-            row[:n] = values.tolist()
-        w.y_new[:n] = self.solver.y.tolist()
-        return length
+        return self.solver.status != "failed" and bool(np.all(np.isfinite(self.solver.y)))
 
     def _polynomial(self, dense, start: np.ndarray, t: float, length: float) -> np.ndarray:
         """(degree + 1, n) coefficients of θ: SciPy's interpolant, made to pass through both ends of the step with both slopes.
@@ -66,32 +77,40 @@ class SciPyStep:
         is added as a cubic.
         """
         samples = dense(t + self.nodes * length).T
-        found = np.zeros((len(samples) + 2, len(start)))
-        found[: len(samples)] = self.powers @ (samples - start)
-        found = found[: max(len(samples), 4)]
-        order = np.arange(len(found))
-        end = self.solver.y - start
-        fun = self.solver.fun
-        slopes = [length * np.asarray(fun(time, y)) for time, y in ((t, start), (t + length, self.solver.y))]
-        gap0, gap1 = -found[0], end - found.sum(axis=0)
-        rise0, rise1 = slopes[0] - found[1], slopes[1] - order @ found
-        found[0] += gap0
-        found[1] += rise0
-        found[2] += 3 * (gap1 - gap0) - 2 * rise0 - rise1
-        found[3] += -2 * (gap1 - gap0) + rise0 + rise1
+        found = self.powers @ (samples - start)
+        end, slope = self.solver.y - start, length * self._slope(t, start)
+        if self.settings.method == "Radau":  # passes through both ends, with the right slope where it collocates
+            found += np.outer(RADAU, slope - found[1])
+        else:
+            last = length * self._slope(t + length, self.solver.y)
+            order = np.arange(len(found))
+            gap, rise, fall = end - found[1:].sum(axis=0), slope - found[1], last - order @ found
+            found[1] += rise
+            found[2] += 3 * gap - 2 * rise - fall
+            found[3] += -2 * gap + rise + fall
         found[0] = start
         found[1] += end - found[1:].sum(axis=0)  # the sum at θ = 1 to the last digit
         return found
 
-    def _start(self, w: core.Workspace, p: tuple, mode: int, n: int, t: float, bound: float):
+    def _slope(self, t: float, y: np.ndarray) -> np.ndarray:
+        """The flow at the ends of the step; that at the start was the last one's at the end."""
+        if self.seen is None or self.seen[0] != t or not np.array_equal(self.seen[1], y):
+            self.seen = t, y, np.asarray(self.solver.fun(t, y), dtype=float)
+        return self.seen[2]
+
+    def _start(
+        self, w: core.Workspace, p: tuple, mode: int, n: int, t: float, bound: float, longest: float
+    ):
         out, padding, held = [0.0] * self.width, [0.0] * (self.width - n), w.y[self.width :]
 
         def rates(time: float, y: np.ndarray) -> list[float]:
             core.rates(self.model, w, mode, n, time, y.tolist() + padding + held, p, out)
             return out[:n]
 
-        options = {} if w.f[core.MAX_STEP] == inf else {"max_step": w.f[core.MAX_STEP]}
-        return self.kind(
+        options = {} if longest == inf else {"max_step": longest}
+        if self.settings.method != "Radau":  # their own guess may be finer than the clock
+            options["first_step"] = min(max(1e-4 * w.f[core.H], 256 * core.EPS * abs(t)), bound - t)
+        solver = self.kind(
             rates,
             t,
             np.array(w.y[:n]),
@@ -100,9 +119,20 @@ class SciPyStep:
             atol=self._absolute(w, p, mode, n, t),
             **options,
         )
+        solver.max_length = longest
+        return solver
 
     def _absolute(self, w: core.Workspace, p: tuple, mode: int, n: int, t: float) -> list[float]:
         """The part of the tolerance that does not grow with a state, as in `allowed`; a state that starts from zero has the
         size that its slope gives it in a first step."""
         core.know_flow(self.model, w, p)
-        return [core.allowed(w, mode, i, 0.0, w.f[core.H]) for i in range(n)]
+        h = max(w.f[core.H], 1e-3 * (w.f[core.T_END] - t))
+        core.feel(self.model, w, p, mode, n, t)
+        self.sizes = list(w.size_of)
+        # a state at rest at zero has no size: any tolerance does
+        return [
+            core.allowed(w, mode, i, 0.0, h)
+            if w.size_of[w.kind[mode][i]] or w.k[0][i]
+            else 0.01 * w.f[core.RTOL]
+            for i in range(n)
+        ]

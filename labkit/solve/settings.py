@@ -8,6 +8,7 @@ import numpy as np
 
 from ..model import At
 from . import core
+from .kinks import kinks
 from .methods import DEGREE, FIXED_STEP, explicit, proxy
 from .options import Options
 
@@ -56,6 +57,25 @@ class Settings:
                 row[place] = SCALE_FREE if given is None else given
         return found
 
+    def _kinds(self) -> np.ndarray:
+        """(modes, width): states of one unit have one number, those without a unit 0."""
+        units = sorted({unit for unit in self.system.units.values() if unit})
+        found = np.zeros((len(self.modes), self.width), dtype=int)
+        for row, mode in zip(found, self.modes, strict=True):
+            for place, name in enumerate(self.system.states_of(mode)):
+                unit = self.system.units[name]
+                row[place] = units.index(unit) + 1 if unit else 0
+        return found
+
+    def _kinks(self) -> np.ndarray:
+        """Times at which tables of the time bend; looked for at the model's own start and parameters."""
+        system, options = self.system, self.options
+        states = {
+            mode: system.S[mode](*(system.start.get(name, 1.0) for name in system.S[mode]._fields))
+            for mode in self.modes
+        }
+        return kinks(system, system.values(), options.t0, options.t_end, states)
+
     def _fixed(self) -> dict[str, np.ndarray]:
         """The fields of the workspace that are the same for every run.
 
@@ -67,6 +87,7 @@ class Settings:
         order = sorted(range(len(trs)), key=lambda i: (-trs[i].priority, i))
         urgent = {None: core.REFUSE, False: core.NO, True: core.YES}
         instants = [len(tr.at.instants) if isinstance(tr.at, At) else 0 for tr in self.plans]
+        bends = self._kinks()
         i0, f0 = np.zeros(core.INTEGERS, dtype=np.int64), np.zeros(core.FLOATS)
         for place, value in {
             core.FRESH: 1,
@@ -89,6 +110,7 @@ class Settings:
             core.MODES: len(modes),
             core.PARAMETERS: len(system.parameters),
             core.SAMPLES: len(options.grid),
+            core.KINKS: len(bends),
             core.SCHEDULES: len(self.plans),
             core.POWERS: not table.Q.any(),
             core.UNSEEN: max((s + 1 for s in range(table.stages) if not table.E[:, s].any()), default=0),
@@ -103,6 +125,7 @@ class Settings:
             core.MAX_STEP: self.max_step,
             core.T0: options.t0,
             core.EVENT_T: -1e300,
+            core.CAP: 1e300,
             core.BEFORE: options.t0,
             core.UNTIL: options.t0 + 8 * core.EPS * abs(options.t0),
         }.items():
@@ -113,6 +136,7 @@ class Settings:
             "f0": f0,
             "c": table.C,
             "grid": options.grid,
+            "kink": bends,
             "size": [len(names) for names in states],
             "family": [states.index(names) for names in states],
             "leave_from": np.cumsum([0, *map(len, leave)]),
@@ -130,6 +154,7 @@ class Settings:
             "plan_from": np.cumsum([0, *instants]),
             "shared": [sum(tr.at == other.at for other in self.plans) > 1 for tr in self.plans],
             "absolute": self.absolute,
+            "kind": self._kinds(),
         }
         interpolant = (
             (np.zeros((self.degree, 1)),) * 2 if self.external else (table.W.T, table.Q)
@@ -154,6 +179,8 @@ class Settings:
             "instants": sum(instants),
             "schedules": len(self.plans),
             "grid": len(options.grid),
+            "kinks": len(bends),
+            "units": len(set(system.units.values())),
             **{name: len(fixed[f"{name}_value"]) for name in "aewq"},
         }
         kinds = {name: kind for name, kind, _ in core.FIELDS}

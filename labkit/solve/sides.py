@@ -56,38 +56,50 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
     return total
 
 
+def grain(model, w, p, mode, n, t, y, k):
+    """The rounding of the k-th guard's constants, which its terms do not show: hypot(x, y + R) − R is known as well as R.
+
+    Fourth differences over steps far too short for the guard itself to bend (Hamming's difference
+    table, as in Moré and Wild 2011, ECnoise); the largest of the first four times near zero.
+    """
+    slot = watched(w, mode, k) + 2
+    if w.grains[slot] >= 4:
+        return w.grain[slot]
+    w.grains[slot] += 1
+    e = max(1e-9 * w.f[H], 64.0 * EPS * abs(t))
+    value = w.value
+    for j in range(5):
+        for i in range(n):
+            w.y_shake[i] = y[i] + j * e * w.k[0][i]
+        watch(model, w, mode, n, t + j * e, w.y_shake, p, w.g_look)
+        value[j] = w.g_look[k]
+    w.i[GUARDS] += 5
+    noise = abs(value[0] - 4.0 * value[1] + 6.0 * value[2] - 4.0 * value[3] + value[4]) / 8.0
+    if isfinite(noise):
+        w.grain[slot] = max(w.grain[slot], noise)
+    return w.grain[slot]
+
+
 def doubt(model, w, p, mode, n, t, y, k, value):
     """Below which size the k-th guard counts as zero at (t, y): DOUBT times its own rounding.
 
-    Its terms are worked out anew when a state has more than doubled (where they were all zero, when
-    one has grown) or a guard comes near zero that the last ones did not foresee.
+    Its terms are worked out anew near zero, or where a state has more than doubled.
     """
     slot = watched(w, mode, k) + 2
-    then, reach = w.scale_y[slot], 2.0 if w.scale[slot] > 0.0 else 1.0
-    known = abs(t) <= reach * then[w.i[WIDTH]]
+    known = w.scale[slot] > 0.0 and abs(t) <= 2.0 * w.scale_y[slot][w.i[WIDTH]]
     for i in range(n):
-        if abs(y[i]) > reach * then[i]:
+        if abs(y[i]) > 2.0 * w.scale_y[slot][i]:
             known = False
-    if not known or abs(value) <= 1e-6 * w.scale[slot] and smaller(w, n, t, y, slot):
+    if not known or abs(value) <= 4.0 * (DOUBT * EPS * w.scale[slot] + CLEAR * w.grain[slot]):
         w.scale[slot] = gauge(model, w, p, mode, n, t, y, k, value, 0)
         for i in range(n):
-            then[i] = abs(y[i])
-        then[w.i[WIDTH]] = abs(t)
-    rounding = DOUBT * EPS * w.scale[slot]
+            w.scale_y[slot][i] = abs(y[i])
+        w.scale_y[slot][w.i[WIDTH]] = abs(t)
+    rounding = DOUBT * EPS * w.scale[slot] + CLEAR * w.grain[slot]
     if w.i[SLIDING] == 1 and k < 2:  # a slope, by differences over PROBE
         surface = w.leave[w.leave_from[w.i[SLIDE_A]] + w.i[GUARD_A]]
         rounding += DOUBT * EPS * w.scale[surface + 2] / w.f[PROBE]
     return rounding
-
-
-def smaller(w, n, t, y, slot):
-    """Is a state less than half of what it was when the guard's rounding was worked out?"""
-    if 2.0 * abs(t) < w.scale_y[slot][w.i[WIDTH]]:
-        return True
-    for i in range(n):
-        if 2.0 * abs(y[i]) < w.scale_y[slot][i]:
-            return True
-    return False
 
 
 def look(model, w, p, mode, n, t, e, order, out):
@@ -135,8 +147,9 @@ def straight(model, w, p, mode, n, t, y, rate, e, out):
 
 
 def nearby(w, t):
-    """A ten-thousandth of a step: how far slopes are looked for."""
-    return max(1e-4 * w.f[H], 1e6 * EPS * max(abs(t), abs(w.f[BEFORE])))
+    """How far slopes are looked for: a small part of a step, and a difference that the clock shows exactly."""
+    e = max(1e-6 * w.f[H], 1e3 * EPS * max(abs(t), abs(w.f[BEFORE])))
+    return (t + e) - t if abs(t) < 1e300 * e else e
 
 
 def slope_ahead(model, w, p, mode, n, t, k):
@@ -225,7 +238,7 @@ def sides(model, w, p, how, fired):
     if count == 0:
         return PAUSE
     i[AHEAD] = 0
-    tick = TICKS * EPS * max(abs(t), abs(f[BEFORE]))
+    tick = TICKS * EPS * max(abs(t), abs(f[BEFORE])) + 2.0 * f[BLUR]
     watch(model, w, mode, n, t, w.y, p, w.g)
     i[GUARDS] += 1
     for k in range(count):
@@ -242,25 +255,28 @@ def sides(model, w, p, how, fired):
         directed = q < 0 or w.directed[q] == 1
         urgent = YES if q < 0 else w.urgent[q]
         own = doubt(model, w, p, mode, n, t, w.y, k, value)
+        if abs(value) <= 4.0 * own and w.grains[slot] < 4 and i[SLIDING] == 0:
+            know_flow(model, w, p)
+            own += CLEAR * grain(model, w, p, mode, n, t, w.y, k)
         band = own + 2.0 * w.slack[slot]
         clear = abs(value) > band
         if clear and i[LOCATE] == 1:
             # On the surface within the rounding of the clock: its crossing belongs to this instant
+            # (a bound of its slope first: that costs little)
             steep = w.swing[slot]
             if how == ENTERED or how == START:
                 steep = steepest(model, w, p, n, slot)
-                if abs(value) <= tick * steep:
-                    steep = abs(slope_ahead(model, w, p, mode, n, t, k))
-            if abs(value) <= tick * steep:
+            if abs(value) <= tick * steep and abs(value) <= tick * abs(slope_ahead(model, w, p, mode, n, t, k)):
                 clear = False
-                band += abs(value)
+                w.slack[slot] = abs(value)
+                band += 2.0 * abs(value)
         now = 1 if value > 0.0 else -1
         order = 1
         if not clear:
             order = leaving(model, w, p, mode, n, t, k, value, band)
             now = 1 if order > 0 else -1
             if order == 0 and (how == ARRIVE or how == JUMPED_TO):
-                if w.came[slot] == 1 and abs(value) > own + tick * w.swing[slot]:
+                if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
                     now, clear = was, True  # a guard that jumps itself: no reset has put it back
                 elif not directed:
                     now = was  # to rest on a surface is not to cross it
@@ -278,8 +294,10 @@ def sides(model, w, p, how, fired):
             if w.wait[slot] == 1:  # it leaves the mode before, too
                 w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
             elif q != fired:
+                # one that the mode before had, too, and that has acted at this instant, is not beyond anew
+                acted = w.came[slot] == 2 and was > 0 and left_before(w, q)
                 if directed and urgent != NO:
-                    w.wait[slot] = 1 if beyond else 0
+                    w.wait[slot] = 1 if beyond and not acted else 0
                 else:
                     w.wait[slot] = 1 if turned == 1 and (now > 0 or not directed) else 0
         elif how == START:
@@ -292,6 +310,7 @@ def sides(model, w, p, how, fired):
             w.wait[slot] = 1 if again else 0
             if not clear and now == was and order != 0 and not again:
                 if stopped(model, w, p, mode, n, t, k, slot, order) == 1:
+                    f[BAND] = band
                     return CONTACT
         else:
             crossed = now != was and (now > 0 or not directed)
@@ -299,12 +318,19 @@ def sides(model, w, p, how, fired):
                 w.wait[slot] = 1 if now == was else 0  # else a jump has undone its crossing
             elif crossed and (urgent != NO or how == ARRIVE):
                 w.wait[slot] = 1
+                w.came[slot] = 1 if how == ARRIVE else 0
     return PAUSE
 
 
 def leaves(w, q, mode):
     """Does transition q leave the mode, or one of the two while sliding?"""
     return w.source[q][mode] == 1 or w.i[SLIDING] == 1 and w.source[q][w.i[SLIDE_B]] == 1
+
+
+def left_before(w, q):
+    """Does transition q leave the mode that the last event came from?"""
+    before = int(w.ledger[w.i[LEDGER] - 1][3])
+    return before >= 0 and w.source[q][before] == 1
 
 
 def turned_back(model, w, p, mode, n, t, k, band, now):
@@ -320,10 +346,16 @@ def turned_back(model, w, p, mode, n, t, k, band, now):
         if abs(line[5 + i] - w.y[i]) > 64.0 * EPS * w.most[i]:
             return 0
     flow(model, before, t, w.y, p, w.ahead[1])
-    straight(model, w, p, mode, n, t, w.y, w.ahead[1], nearby(w, t), w.g_away)
     w.i[FLOWS] += 1
-    far = w.g_away[k]
-    return 1 if abs(far) > 2.0 * band and (far > 0.0) != (now > 0) else 0
+    e = nearby(w, t)
+    while True:
+        straight(model, w, p, mode, n, t, w.y, w.ahead[1], e, w.g_away)
+        far = w.g_away[k]
+        if abs(far) > 2.0 * band:
+            return 1 if (far > 0.0) != (now > 0) else 0
+        e *= 8.0
+        if not e <= 0.1 * w.f[H]:
+            return 0
 
 
 def stopped(model, w, p, mode, n, t, k, slot, order):
@@ -332,8 +364,9 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     It rests if it came with a speed that the reset has taken away. It also does if the flow it came by
     says that it did not come at all: then the method's error decides, not the flight.
     """
-    if w.came[slot] == 0:
-        return 1 if order == 2 or order == -2 else 0
+    w.f[SPEED] = 0.0
+    if w.came[slot] == 0 and order != 1 and order != -1:  # not by the flow
+        return 1
     line = w.ledger[w.i[LEDGER] - 1]
     e = w.f[GONE_T] if order == 1 or order == -1 else 0.125 * w.f[GONE_T]
     for i in range(n):
@@ -342,6 +375,7 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     w.i[FLOWS] += 1
     moved = w.g_away[k]
+    w.f[SPEED] = abs(moved) / e
     if order == 1 or order == -1:
         return 1 if moved * order < 0.0 else 0
     return 1 if 8.0 * abs(moved) > 0.1 * w.f[GONE] else 0

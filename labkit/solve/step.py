@@ -33,16 +33,30 @@ def combine(n, first, last, column, value, rows, h, y, out):
         out[i] = y[i] + h * one
 
 
+def grown(w, mode, n):
+    """The largest size of each state so far, and of all states of one unit."""
+    kind, size_of = w.kind[mode], w.size_of
+    for i in range(n):
+        size_of[kind[i]] = 0.0
+    for i in range(n):
+        w.most[i] = max(w.most[i], abs(w.y[i]))
+        size_of[kind[i]] = max(size_of[kind[i]], w.most[i])
+
+
 def allowed(w, mode, i, size, h):
     """What a step h may get state i wrong by, where its size is as given.
 
     Without an `atol` of the user's the part that does not grow with the state is a hundredth of rtol
-    times the state's largest size so far (or what this step moves it by), so that no unit matters;
-    and never less than the rounding of the derivative.
+    times the largest size that a state of the same unit has had, or what the terms of its derivative
+    move it by in this step; so no unit matters. Numbers without a unit count as 1 at most. Never less
+    than the rounding of the derivative.
     """
     absolute = w.absolute[mode][i]
     if absolute < 0.0:
-        absolute = 0.01 * w.f[RTOL] * (w.most[i] + abs(h * w.k[0][i])) + h * w.rough[mode][i]
+        kind = w.kind[mode][i]
+        known = w.size_of[kind] if kind > 0 else min(w.size_of[kind], 1.0)
+        moved = h * max(w.terms[mode][i], abs(w.k[0][i]))
+        absolute = 0.01 * w.f[RTOL] * (known + moved) + 8.0 * EPS * moved
     return max(absolute + w.f[RTOL] * size, 1e-300)
 
 
@@ -146,21 +160,30 @@ def evaluate(w, n, theta, out):
 
 
 def feel(model, w, p, mode, n, t):
-    """w.rough[mode]: the rounding of each derivative, 8·ε·Σ|∂f/∂yⱼ·yⱼ|, where the mode is first met. w.k[0] is the flow."""
-    rough = w.rough[mode]
-    for i in range(n):
-        w.y_try[i], rough[i] = w.y[i], 0.0
+    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; anew where a state has grown eightfold.
+
+    yⱼ is the largest size so far; w.k[0] is the flow.
+    """
+    terms, felt = w.terms[mode], w.felt[mode]
+    larger = False
     for j in range(n):
-        if w.y[j] != 0.0:
-            w.y_try[j] = w.y[j] * (1.0 + 1e-6)
+        if w.most[j] > 8.0 * felt[j]:
+            larger = True
+    if not larger:
+        return
+    for i in range(n):
+        w.y_try[i], terms[i] = w.y[i], 0.0
+    for j in range(n):
+        felt[j] = w.most[j]
+        if w.most[j] != 0.0:
+            w.y_try[j] = w.y[j] + 1e-6 * w.most[j]
             rates(model, w, mode, n, t, w.y_try, p, w.err[0])
             w.i[FLOWS] += 1
             w.y_try[j] = w.y[j]
             for i in range(n):
                 moved = abs(w.err[0][i] - w.k[0][i])
                 if isfinite(moved):
-                    rough[i] += 8e6 * EPS * moved
-    w.felt[mode] = 1
+                    terms[i] += 1e6 * moved
 
 
 def first_step(model, w, p, mode, n):
@@ -168,10 +191,11 @@ def first_step(model, w, p, mode, n):
     t, rtol = w.f[T], w.f[RTOL]
     span = min(w.f[T_END] - t, w.f[MAX_STEP])
     d0, d1, d2 = 0.0, 0.0, 0.0
-    for i in range(n):  # a state has at least the size that it gets in a millionth of the run
-        scale = allowed(w, mode, i, max(abs(w.y[i]), 1e-6 * span * abs(w.k[0][i])), 0.0)
-        d0 += (w.y[i] / scale) * (w.y[i] / scale)
-        d1 += (w.k[0][i] / scale) * (w.k[0][i] / scale)
+    for i in range(n):
+        scale = allowed(w, mode, i, abs(w.y[i]), 0.0)
+        if w.y[i] != 0.0:  # a state that starts from zero has no size yet
+            d0 += (w.y[i] / scale) * (w.y[i] / scale)
+            d1 += min(1e280, (w.k[0][i] / scale) * (w.k[0][i] / scale))
     d0, d1 = sqrt(d0 / n), sqrt(d1 / n)
     h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
     h0 = min(max(h0, 1e-9 * span), span)
@@ -179,6 +203,11 @@ def first_step(model, w, p, mode, n):
         w.y_try[i] = w.y[i] + h0 * w.k[0][i]
     rates(model, w, mode, n, t + h0, w.y_try, p, w.k[1])
     w.i[FLOWS] += 1
+    for i in range(n):  # its size is what it is moved by to begin with
+        w.most[i] = max(w.most[i], h0 * abs(w.k[0][i]))
+        if w.most[i] == 0.0 and isfinite(w.k[1][i]):
+            w.most[i] = h0 * abs(w.k[1][i])
+    grown(w, mode, n)
     for i in range(n):
         scale = allowed(w, mode, i, abs(w.y[i]), h0)
         change = (w.k[1][i] - w.k[0][i]) / scale
