@@ -113,7 +113,9 @@ def _reset(system: System, transition: Transition, states: list[Callable]) -> Ca
 
         def values_of(mode, t, s, y, p):
             try:
-                values = vector(transition.reset(t, s, p), what, names, "states")
+                values = transition.reset(t, s, p)
+                if type(values) is not tuple or len(values) != len(names):
+                    values = vector(values, what, names, "states")
                 values = [*map(float, values)]
             except Exception as error:
                 values = rescue(error, t, s, p)

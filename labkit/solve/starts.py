@@ -162,8 +162,9 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
                     found[lane] = system.resolve(value, system.P(*values), what)
                 except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
                     refused.setdefault(lane, _said(error, what))
-        for lane in np.flatnonzero(~allowed(found) & np.isfinite(found)).tolist():
-            refused.setdefault(lane, ModelError(f"{what} is {found[lane]:g}: {mend}"))
+        if not (fits := allowed(found)).all():
+            for lane in np.flatnonzero(~fits & np.isfinite(found)).tolist():
+                refused.setdefault(lane, ModelError(f"{what} is {found[lane]:g}: {mend}"))
         return found
 
     made = {
@@ -193,11 +194,13 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
                 lambda v: v >= 0,
                 "it must not be negative",
             )
-            period, first = made["plan_period"][:, k], made["plan_first"][:, k]
-            with np.errstate(divide="ignore", invalid="ignore"):  # refused lanes
-                before = np.nan_to_num(np.floor((over - first) / period) + 1.0, posinf=0, neginf=0)
-            at_least = float(tr.at.first is None)
-            made["plan_next0"][:, k] = np.maximum(before if over > 0.0 else 0.0, at_least)
+            made["plan_next0"][:, k] = at_least = tr.at.first is None
+            if over > 0.0:
+                period, first = made["plan_period"][:, k], made["plan_first"][:, k]
+                with np.errstate(divide="ignore", invalid="ignore"):  # refused lanes
+                    before = np.floor((over - first) / period) + 1.0
+                before = np.nan_to_num(before, posinf=0, neginf=0)
+                made["plan_next0"][:, k] = np.maximum(before, at_least)
         else:
             found = [
                 resolve(x, f"an instant of {tr.name!r}", np.isfinite, "") for x in tr.at.instants
