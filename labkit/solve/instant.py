@@ -84,7 +84,7 @@ def enter(model, w, p, mode, target, n):
     gap = w.f[T] - w.f[EVENT_T]
     if gap > 0.0:
         if i[ADAPTIVE] == 1:  # in a step over many events a guard is seen too coarsely
-            w.f[H] = min(w.f[H], 16.0 * max(gap, w.f[GAP]))
+            w.f[H] = min(w.f[H], 16.0 * max(gap, 0.01 * w.f[GAP]))
         w.f[GAP] = gap
     w.f[EVENT_T] = w.f[T]
     record(model, w, p, w.f[T], mode, n, w.y)
@@ -141,7 +141,8 @@ def use(w, q):
     """Its crossing, its instant or its dead time is used."""
     i = w.i
     if i[KIND] == CROSSED:
-        w.wait[q + 2], w.came[q + 2] = 0, 2
+        w.wait[q + 2] = 0
+        w.came[q + 2] = 2 if w.came[q + 2] == 1 else 3
     elif i[KIND] == DUE:
         for s in range(i[SCHEDULES]):
             if w.plan[s] == q:
@@ -348,6 +349,7 @@ def pile_up(model, w, p, q, touching):
         more, factor = max(0.0, limit - t), 0.0
     if t + more > t:
         know_flow(model, w, p)
+        guards(model, rest, t, w.y, p, w.g_ahead)
         for k in range(n):
             step = w.y[k] - w.last_y[q][k]
             move = w.last_move[q][k]
@@ -365,6 +367,11 @@ def pile_up(model, w, p, q, touching):
             w.came[slot], w.slack[slot], w.wait[slot] = 0, 0.0, 0
         f[BEFORE], f[UNTIL], f[BLUR] = t, f[T], more
         i[ARRIVED] = mode
+        guards(model, rest, t + more, w.y, p, w.g_look)
+        i[GUARDS] += 2
+        for k in range(w.leave_from[rest + 1] - w.leave_from[rest]):
+            # what the extrapolation has moved a guard by, it is not known better than
+            w.slack[w.leave[w.leave_from[rest] + k] + 2] = abs(w.g_look[k] - w.g_ahead[k])
     leave(model, w, p, mode, mode, n, q)
     enter(model, w, p, rest, rest, n)
     return sides(model, w, p, ENTERED, q)

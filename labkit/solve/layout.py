@@ -56,9 +56,9 @@ ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # SPEED, BAND: of the guard whose body rests (stopped); BLUR: how far the clock has just been moved
 # on;
 # CAP: a longer step would step over what a guard does
-# GAP: time between the last two events
-(SPEED, BAND, BLUR, CAP, GAP) = range(18, 23)
-FLOATS = 23
+# GAP: time between the last two events; MIXED: how well λ is known while sliding
+(SPEED, BAND, BLUR, CAP, GAP, MIXED) = range(18, 24)
+FLOATS = 24
 # What is kept of a lane that is done, in w.done: why it ended, the last transition, where its
 # samples
 # end, its work, places where its flow seemed to jump
@@ -173,7 +173,11 @@ def workspace(z):
         ("flat", "i", (slots,)),  # zero where the step begins
         ("awake", "f", (slots,)),  # … and from this time on clear of zero
         ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
-        ("came", "i", (slots,)),  # 1: it crosses at this instant along the flow; 2: and has acted
+        (
+            "came",
+            "i",
+            (slots,),
+        ),  # 1: it crosses at this instant along the flow; 2: and has acted; 3: has acted by a jump
         ("slack", "f", (slots,)),  # what it was located with: counts as zero while it is flat
         (
             "scale",

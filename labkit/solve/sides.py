@@ -175,7 +175,9 @@ def slope_ahead(model, w, p, mode, n, t, k):
 
 
 def steepest(model, w, p, n, slot):
-    """A bound of a guard's |dg/dt|, without asking it: its terms change as fast as their states, sixteen times at most."""
+    """A bound of a guard's |dg/dt|, without asking it: its terms change as fast as their states,
+    sixteen times at most.
+    """
     know_flow(model, w, p)
     then = w.scale_y[slot]
     if then[w.i[WIDTH]] == 0.0:
@@ -280,7 +282,9 @@ def sides(model, w, p, how, fired):
             steep = w.swing[slot]
             if how == ENTERED or how == START:
                 steep = steepest(model, w, p, n, slot)
-            if abs(value) <= tick * steep and abs(value) <= tick * abs(slope_ahead(model, w, p, mode, n, t, k)):
+            if abs(value) <= tick * steep and abs(value) <= tick * abs(
+                slope_ahead(model, w, p, mode, n, t, k)
+            ):
                 clear = False
                 w.slack[slot] = abs(value)
                 band += 2.0 * abs(value)
@@ -310,7 +314,7 @@ def sides(model, w, p, how, fired):
             elif q != fired:
                 # one that the mode before had, too, and that has acted at this instant, is not
                 # beyond anew
-                acted = w.came[slot] == 2 and was > 0 and left_before(w, q)
+                acted = w.came[slot] >= 2 and was > 0 and left_before(w, q)
                 if directed and urgent != NO:
                     w.wait[slot] = 1 if beyond and not acted else 0
                 else:
@@ -382,7 +386,7 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     by says that it did not come at all: then the method's error decides, not the flight.
     """
     w.f[SPEED] = 0.0
-    if w.came[slot] == 0 and order != 1 and order != -1:  # not by the flow
+    if w.came[slot] != 2 and order != 1 and order != -1:  # not by the flow
         return 1
     line = w.ledger[w.i[LEDGER] - 1]
     e = w.f[GONE_T] if order == 1 or order == -1 else 0.125 * w.f[GONE_T]

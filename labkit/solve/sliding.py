@@ -114,20 +114,23 @@ def begin_sliding(model, w, p, second):
             return 0
     if same_surface(model, w, p, n, t, before, surface, mode, place) == 0:
         return 0
+    scale = 0.0
+    for i in range(n):
+        scale += abs(w.rate_a[i])  # the gradient of γ, in units of each state's size
     w.i[SLIDE_A], w.i[SLIDE_B], w.i[GUARD_A], w.i[GUARD_B] = before, mode, surface, place
     w.f[TURN] = w.side[first + 2]  # a guard without direction may have crossed downwards
     # Slopes are taken over a time in which the guard moves by 10¹⁰ of its roundings
     least = max(1e-6 * w.f[H], 1e3 * EPS * abs(t))
     w.f[PROBE] = (t + least) - t
     a, b = pushes(model, w, p, n, t, w.y)
-    if abs(a) + abs(b) > 0.0:
-        e = min(
-            max(1e10 * EPS * w.scale[first + 2] / (abs(a) + abs(b)), 1e3 * EPS * abs(t)),
-            1e-3 * w.f[H],
-        )
-        if e > 0.0 and w.scale[first + 2] > 0.0:
-            w.f[PROBE] = (t + e) - t
+    speed = abs(a) + abs(b)
+    if speed > 0.0 and scale > 0.0:
+        e = max(1e10 * EPS * scale / speed, 1e3 * EPS * abs(t))
+        w.f[PROBE] = (t + e) - t
         a, b = pushes(model, w, p, n, t, w.y)
+    w.f[MIXED] = 1e-9
+    if speed > 0.0:  # how well λ is known
+        w.f[MIXED] += 8.0 * EPS * scale / (w.f[PROBE] * speed)
     if not a > b:
         return 0
     w.i[SLIDING] = 1

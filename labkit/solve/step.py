@@ -57,6 +57,8 @@ def allowed(w, mode, i, size, h):
         known = w.size_of[kind] if kind > 0 else min(w.size_of[kind], 1.0)
         moved = h * max(w.terms[mode][i], abs(w.k[0][i]))
         absolute = 0.01 * w.f[RTOL] * (known + moved) + 8.0 * EPS * moved
+    if w.i[SLIDING] == 1:  # λ is made of differences
+        absolute += w.f[MIXED] * h * abs(w.rate_a[i] - w.rate_b[i])
     return max(absolute + w.f[RTOL] * size, 1e-300)
 
 
