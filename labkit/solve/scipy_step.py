@@ -49,8 +49,11 @@ class SciPyStep:
         longest = w.f[core.MAX_STEP]
         anew = w.i[core.FRESH] == 1 or self.solver is None
         # the tolerance of a solver is that of its start: anew where states have outgrown it
-        anew = anew or any(s > 100 * size for s, size in zip(w.size_of, self.sizes, strict=True))
-        if anew or self.solver.t_bound != bound or self.solver.status != "running":
+        outgrown = w.i[core.OWN_SIZE] == 1 and any(
+            size > 100 * then for size, then in zip(w.size_of, self.sizes, strict=False)
+        )
+        over = anew or self.solver.t_bound != bound or self.solver.status != "running"
+        if over or outgrown:
             self.solver, self.seen = self._start(w, p, mode, n, t, bound, longest), None
             w.i[core.FRESH] = 0
         while not self._step(w):  # it has gone where the flow is no number, or given up: shorter
@@ -117,8 +120,10 @@ class SciPyStep:
             return out[:n]
 
         options = {} if longest == inf else {"max_step": longest}
-        if self.settings.method != "Radau":  # their own guess may be finer than the clock
-            options["first_step"] = min(max(1e-4 * w.f[core.H], 256 * core.EPS * abs(t)), bound - t)
+        clock = 256 * core.EPS * abs(t)
+        if self.settings.method != "Radau" and clock > 1e-6 * w.f[core.H]:
+            # their own guess may be finer than the clock
+            options["first_step"] = min(max(1e-4 * w.f[core.H], clock), bound - t)
         solver = self.kind(
             rates,
             t,
