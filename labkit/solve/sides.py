@@ -206,7 +206,8 @@ def leaving(model, w, p, mode, n, t, k, value, band):
         if e <= 0.1 * w.f[H]:
             look(model, w, p, mode, n, t, e, 2, w.g_look)
             gone = w.g_look[k] if slope > 0.0 else -w.g_look[k]
-            if gone > 0.25 * abs(slope) * e and gone > 0.25 * CLEAR * band:
+            by_slope = abs(slope) * e
+            if 0.25 * by_slope < gone < 4.0 * by_slope and gone > 0.25 * CLEAR * band:
                 w.f[LATER], w.f[GONE_T] = t, e
                 return 1 if slope > 0.0 else -1
     # The slope says nothing, or what it says is over before it can be told from rounding
