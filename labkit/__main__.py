@@ -48,7 +48,11 @@ def main(words: list[str]) -> int:
     except SetupError as error:
         print(f"\nlabkit: {error}", file=sys.stderr)
         return 1
-    command, rest = (words[0], words[1:]) if words and words[0] in ("show", "test", "run", "setup", "lab") else ("lab", words)
+    command, rest = (
+        (words[0], words[1:])
+        if words and words[0] in ("show", "test", "run", "setup", "lab")
+        else ("lab", words)
+    )
     if command == "show":
         try:
             return show(rest)
@@ -70,7 +74,9 @@ def main(words: list[str]) -> int:
 
 def check_python(version: tuple[int, ...] = sys.version_info[:2]) -> None:
     if not OLDEST <= version <= NEWEST:
-        raise SetupError(f"this is Python {version[0]}.{version[1]}; labkit needs Python {OLDEST[0]}.{OLDEST[1]} to {NEWEST[0]}.{NEWEST[1]} (python.org/downloads)")
+        raise SetupError(
+            f"this is Python {version[0]}.{version[1]}; labkit needs Python {OLDEST[0]}.{OLDEST[1]} to {NEWEST[0]}.{NEWEST[1]} (python.org/downloads)"
+        )
 
 
 def venv_python(venv: Path = VENV) -> Path:
@@ -79,21 +85,35 @@ def venv_python(venv: Path = VENV) -> Path:
 
 def make_environment(venv: Path = VENV) -> None:
     """An empty environment with pip, unless a working one is there."""
-    if venv_python(venv).exists() and subprocess.run([venv_python(venv), "-m", "pip", "--version"], capture_output=True).returncode == 0:
+    if (
+        venv_python(venv).exists()
+        and subprocess.run(
+            [venv_python(venv), "-m", "pip", "--version"], capture_output=True
+        ).returncode
+        == 0
+    ):
         return
     if importlib.util.find_spec("venv") is None or importlib.util.find_spec("ensurepip") is None:
-        raise SetupError("this Python has no venv module. On Debian and Ubuntu: sudo apt install python3-venv; then start again")
+        raise SetupError(
+            "this Python has no venv module. On Debian and Ubuntu: sudo apt install python3-venv; then start again"
+        )
     print(f"labkit: making the environment {venv}", flush=True)
-    made = subprocess.run([sys.executable, "-m", "venv", "--clear", venv], capture_output=True, text=True)
+    made = subprocess.run(
+        [sys.executable, "-m", "venv", "--clear", venv], capture_output=True, text=True
+    )
     if made.returncode != 0:
         shutil.rmtree(venv, ignore_errors=True)
-        raise SetupError(f"the environment {venv} could not be made:\n{(made.stdout + made.stderr).strip()}")
+        raise SetupError(
+            f"the environment {venv} could not be made:\n{(made.stdout + made.stderr).strip()}"
+        )
 
 
 def hand_over(words: list[str]) -> int:
     """The same command again, by the environment's own Python."""
     command = [str(venv_python()), "-m", "labkit", *words]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    }
     if os.name != "nt":  # there exec returns to the shell at once and leaves the child behind
         sys.stdout.flush()
         os.execve(command[0], command, environment)
@@ -106,39 +126,88 @@ def hand_over(words: list[str]) -> int:
 def fill_environment(purelib: Path | None = None) -> None:
     """Install what environment.txt says, once for each content of it, and make labkit importable from every folder."""
     purelib = purelib or Path(sysconfig.get_path("purelib"))
-    stamp, wanted = purelib / "labkit-environment.txt", hashlib.sha256(LOCK.read_bytes()).hexdigest()
+    stamp, wanted = (
+        purelib / "labkit-environment.txt",
+        hashlib.sha256(LOCK.read_bytes()).hexdigest(),
+    )
     # Before 3.13 Python reads a .pth file in the locale's encoding, later in UTF-8.
-    (purelib / "labkit.pth").write_text(f"{ROOT}\n", encoding="utf-8" if sys.version_info >= (3, 13) else "locale")
+    (purelib / "labkit.pth").write_text(
+        f"{ROOT}\n", encoding="utf-8" if sys.version_info >= (3, 13) else "locale"
+    )
     if stamp.exists() and stamp.read_text() == wanted:
         return
     packages = sum(line[:1].isalnum() for line in LOCK.read_text(encoding="utf-8").splitlines())
-    print(f"labkit: installing the packages of {LOCK.name} (about {packages}; once, a few minutes)", flush=True)
-    install([sys.executable, "-m", "pip", "install", "--disable-pip-version-check", "--no-input", "--no-deps", "--requirement", str(LOCK)], packages)
+    print(
+        f"labkit: installing the packages of {LOCK.name} (about {packages}; once, a few minutes)",
+        flush=True,
+    )
+    install(
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "install",
+            "--disable-pip-version-check",
+            "--no-input",
+            "--no-deps",
+            "--requirement",
+            str(LOCK),
+        ],
+        packages,
+    )
     stamp.write_text(wanted)
 
 
 def install(command: list[str], packages: int) -> None:
     """Run pip; on a terminal show how far it is, in a log the end of it. Raises SetupError with pip's last words."""
     lines, count = [], 0
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace") as pip:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
+    ) as pip:
         for line in pip.stdout:
             lines.append(line.rstrip())
             if line.startswith(("Collecting", "Requirement already")):
                 count += 1
             if sys.stdout.isatty():
-                name = "putting them in place …" if line.startswith("Installing collected") else " ".join(line.split()[1:2])
-                print(f"\r  {f'{min(count, packages)} of about {packages}: {name}':<70.70}", end="", flush=True)
+                name = (
+                    "putting them in place …"
+                    if line.startswith("Installing collected")
+                    else " ".join(line.split()[1:2])
+                )
+                print(
+                    f"\r  {f'{min(count, packages)} of about {packages}: {name}':<70.70}",
+                    end="",
+                    flush=True,
+                )
     if sys.stdout.isatty():
         print("\r" + " " * 72 + "\r", end="")
     if pip.returncode == 0:
         print("labkit: packages are in place", flush=True)
         return
     last = "\n".join(f"  {line}" for line in lines[-12:])
-    signs = ("connection", "failed to resolve", "name resolution", "getaddrinfo", "unreachable", "timed out", "proxyerror")
-    network = any(sign in line.lower() for line in lines if line.startswith(("WARNING", "ERROR")) for sign in signs)
-    raise SetupError(f"pip could not install the packages. Its last words:\n{last}\n"
-                     + ("It seems that there is no network: connect once, then start again (later starts need none)." if network
-                        else "Start again; if it fails the same way, show these lines to your teacher."))
+    signs = (
+        "connection",
+        "failed to resolve",
+        "name resolution",
+        "getaddrinfo",
+        "unreachable",
+        "timed out",
+        "proxyerror",
+    )
+    network = any(
+        sign in line.lower()
+        for line in lines
+        if line.startswith(("WARNING", "ERROR"))
+        for sign in signs
+    )
+    raise SetupError(
+        f"pip could not install the packages. Its last words:\n{last}\n"
+        + (
+            "It seems that there is no network: connect once, then start again (later starts need none)."
+            if network
+            else "Start again; if it fails the same way, show these lines to your teacher."
+        )
+    )
 
 
 # ---- what it is for
@@ -153,25 +222,42 @@ def warm() -> None:
     try:
         compile_engine(progress=lambda text: print(f"labkit: {text}", flush=True))
     except Exception as error:  # the workbook runs without, only slower
-        print(f"labkit: the engine could not be compiled ({error}); simulations run in plain Python", flush=True)
+        print(
+            f"labkit: the engine could not be compiled ({error}); simulations run in plain Python",
+            flush=True,
+        )
 
 
 def lab_command(*options: str, folder: Path = ROOT) -> list[str]:
     """lab_command("--no-browser") -> the command line of labkit's JupyterLab over a folder; see lab_environment."""
     root = ["--allow-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    return [sys.executable, "-m", "jupyterlab", f"--ServerApp.root_dir={folder}", "--LabApp.default_url=/lab/tree/notebooks/start.ipynb", *root, *options]
+    return [
+        sys.executable,
+        "-m",
+        "jupyterlab",
+        f"--ServerApp.root_dir={folder}",
+        "--LabApp.default_url=/lab/tree/notebooks/start.ipynb",
+        *root,
+        *options,
+    ]
 
 
 def lab_environment() -> dict[str, str]:
     """The settings in labkit/jupyter; and the environment's own kernel goes before one of the same name in the user's home."""
     own = str(Path(__file__).with_name("jupyter"))
-    paths = {key: os.pathsep.join(filter(None, [own, os.environ.get(key)])) for key in ("JUPYTER_CONFIG_PATH", "JUPYTER_PATH")}  # settings; Voilà's template
+    paths = {
+        key: os.pathsep.join(filter(None, [own, os.environ.get(key)]))
+        for key in ("JUPYTER_CONFIG_PATH", "JUPYTER_PATH")
+    }  # settings; Voilà's template
     return os.environ | paths | {"JUPYTER_PREFER_ENV_PATH": "1"}
 
 
 def lab(options: list[str]) -> int:
     warm()
-    print("labkit: JupyterLab opens in your browser; to end it press Ctrl-C twice in this window", flush=True)
+    print(
+        "labkit: JupyterLab opens in your browser; to end it press Ctrl-C twice in this window",
+        flush=True,
+    )
     try:
         return subprocess.run(lab_command(*options), env=lab_environment()).returncode
     except KeyboardInterrupt:
@@ -182,20 +268,45 @@ def show_command(words: list[str]) -> list[str]:
     """show_command(["part3/06"]) -> the command line of Voilà for the one notebook that is meant; an unclear name is a SetupError."""
     from .notebooks import found
 
-    paths = {path.relative_to(ROOT / "notebooks").with_suffix("").as_posix(): path for path in found()}
+    paths = {
+        path.relative_to(ROOT / "notebooks").with_suffix("").as_posix(): path for path in found()
+    }
     name = words[0].removesuffix(".ipynb").removeprefix("notebooks/") if words else ""
-    meant = [name] if name in paths else [known for known in paths if name and (known.startswith(name) or known.rpartition("/")[2].startswith(name))]
+    meant = (
+        [name]
+        if name in paths
+        else [
+            known
+            for known in paths
+            if name and (known.startswith(name) or known.rpartition("/")[2].startswith(name))
+        ]
+    )
     if len(meant) != 1:
-        what = f"{name!r} is {'no notebook' if not meant else 'not one notebook'}" if name else "which notebook?"
+        what = (
+            f"{name!r} is {'no notebook' if not meant else 'not one notebook'}"
+            if name
+            else "which notebook?"
+        )
         raise SetupError(f"{what}; say one of: {', '.join(meant or paths)}")
-    return [sys.executable, "-m", "voila", str(paths[meant[0]]), "--template=labkit", "--VoilaConfiguration.show_tracebacks=True", *words[1:]]
+    return [
+        sys.executable,
+        "-m",
+        "voila",
+        str(paths[meant[0]]),
+        "--template=labkit",
+        "--VoilaConfiguration.show_tracebacks=True",
+        *words[1:],
+    ]
 
 
 def show(words: list[str]) -> int:
     """One notebook as an app: it runs in a kernel of its own for every page that opens it."""
     command = show_command(words)
     warm()
-    print("labkit: the notebook opens in your browser once it has run; to end it press Ctrl-C in this window", flush=True)
+    print(
+        "labkit: the notebook opens in your browser once it has run; to end it press Ctrl-C in this window",
+        flush=True,
+    )
     try:
         return subprocess.run(command, env=lab_environment()).returncode
     except KeyboardInterrupt:
@@ -206,10 +317,28 @@ def test(options: list[str]) -> int:
     """pytest over tests/ and, by nbval, over all notebooks, in two workers; panels try the ends of their sliders."""
     tests = ROOT / "tests"
     given = any(Path(word.split("::")[0]).exists() for word in options)
-    places = [] if given else [str(tests / "test_browser.py"), str(tests), str(ROOT / "notebooks")]  # what takes longest begins first
-    workers = [] if any(word.startswith(("-n", "--numprocesses", "--pdb")) for word in options) else ["-n", "2"]
+    places = (
+        [] if given else [str(tests / "test_browser.py"), str(tests), str(ROOT / "notebooks")]
+    )  # what takes longest begins first
+    workers = (
+        []
+        if any(word.startswith(("-n", "--numprocesses", "--pdb")) for word in options)
+        else ["-n", "2"]
+    )
     warm()
-    command = [sys.executable, "-m", "pytest", "--nbval-lax", "--nbval-current-env", "--dist", "loadfile", "--no-loadscope-reorder", *workers, *options, *places]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "--nbval-lax",
+        "--nbval-current-env",
+        "--dist",
+        "loadfile",
+        "--no-loadscope-reorder",
+        *workers,
+        *options,
+        *places,
+    ]
     return subprocess.run(command, cwd=ROOT, env=os.environ | {"LABKIT_CHECK": "1"}).returncode
 
 

@@ -44,50 +44,156 @@ class Control:
         return self.options if self.kind == "select" else (self.low, self.high)
 
 
-def controls_of(system: System, p: Mapping[str, float], begin: Mapping[str, float], settings: Mapping[str, Any], sliders: object, taken: set[str],
-              run: Run, startable: Callable[[str, float], bool]) -> list[Control]:
+def controls_of(
+    system: System,
+    p: Mapping[str, float],
+    begin: Mapping[str, float],
+    settings: Mapping[str, Any],
+    sliders: object,
+    taken: set[str],
+    run: Run,
+    startable: Callable[[str, float], bool],
+) -> list[Control]:
     """The sliders in their groups, with the range that the author, the Parameter or the default run gives each."""
-    only = None if sliders is None or isinstance(sliders, Mapping) else [sliders] if isinstance(sliders, str) else list(sliders)
+    only = (
+        None
+        if sliders is None or isinstance(sliders, Mapping)
+        else [sliders]
+        if isinstance(sliders, str)
+        else list(sliders)
+    )
     ranges = {} if only is not None or sliders is None else dict(sliders)
     known = [*system.parameters, *system.units, *SETTINGS]
     if unknown := [name for name in (only or ranges) if name not in known]:
-        raise ModelError(f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are {listed(known)}")
-    wanted = [name for name in known if (only is None or name in (*only, *SETTINGS)) and ranges.get(name, True) is not False and name not in taken]
+        raise ModelError(
+            f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are {listed(known)}"
+        )
+    wanted = [
+        name
+        for name in known
+        if (only is None or name in (*only, *SETTINGS))
+        and ranges.get(name, True) is not False
+        and name not in taken
+    ]
     controls = []
     for name in (name for name in p if name in wanted):
         made = system.parameters[name]
         low, high = _span(p[name], made.low, made.high)
-        controls.append(Control(f"p.{name}", "parameters", *_symbol(name, made.symbol), p[name], low=low, high=high, unit=made.unit, meaning=made.meaning))
+        controls.append(
+            Control(
+                f"p.{name}",
+                "parameters",
+                *_symbol(name, made.symbol),
+                p[name],
+                low=low,
+                high=high,
+                unit=made.unit,
+                meaning=made.meaning,
+            )
+        )
     for name in (name for name in begin if name in wanted):
         seen = np.append(run[name][np.isfinite(run[name])], begin[name])
         reach = rounded(1.5 * np.abs(seen).max(), 1) or 1.0
-        wide = (-reach if seen.min() < -1e-6 * reach else 0.0), (reach if seen.max() > 1e-6 * reach or seen.min() >= 0 else 0.0)  # a sign that is kept
-        here = np.append(run[name][run.mode_index == run.mode_index[0]], begin[name])  # where the run was in its first mode
-        low, high = (next(end for end in ends if end == begin[name] or startable(name, end)) for ends in
-                     ((wide[0], rounded(here.min(), 3), float(here.min()), begin[name]), (wide[1], rounded(here.max(), 3), float(here.max()), begin[name])))
+        wide = (
+            (-reach if seen.min() < -1e-6 * reach else 0.0),
+            (reach if seen.max() > 1e-6 * reach or seen.min() >= 0 else 0.0),
+        )  # a sign that is kept
+        here = np.append(
+            run[name][run.mode_index == run.mode_index[0]], begin[name]
+        )  # where the run was in its first mode
+        low, high = (
+            next(end for end in ends if end == begin[name] or startable(name, end))
+            for ends in (
+                (wide[0], rounded(here.min(), 3), float(here.min()), begin[name]),
+                (wide[1], rounded(here.max(), 3), float(here.max()), begin[name]),
+            )
+        )
         meaning = system.meanings[name] or "at the start"
-        controls.append(Control(f"start.{name}", "start", *_symbol(name), begin[name], low=low, high=high, unit=system.unit(name), meaning=meaning))
+        controls.append(
+            Control(
+                f"start.{name}",
+                "start",
+                *_symbol(name),
+                begin[name],
+                low=low,
+                high=high,
+                unit=system.unit(name),
+                meaning=meaning,
+            )
+        )
     if settings:
         end = settings["t_end"]
         controls += [
-            Control("t_end", "algorithm", "t", "end", end, low=rounded(end / 10, 1), high=rounded(2 * end, 2), unit=system.time, meaning="end of the run"),
-            Control("method", "algorithm", "method", "", settings["method"], "select", options=tuple(METHODS), meaning="how a step is made"),
-            Control("rtol", "algorithm", "rtol", "", settings["rtol"], "log", 1e-12, 1e-2, 1.0, meaning="relative tolerance", only="adaptive"),
-            Control("step", "algorithm", "h", "", settings["step"], "log", rounded(end / 20_000, 1), rounded(end / 20, 1), 0.1, system.time,
-                    "size of a step", only="fixed"),
+            Control(
+                "t_end",
+                "algorithm",
+                "t",
+                "end",
+                end,
+                low=rounded(end / 10, 1),
+                high=rounded(2 * end, 2),
+                unit=system.time,
+                meaning="end of the run",
+            ),
+            Control(
+                "method",
+                "algorithm",
+                "method",
+                "",
+                settings["method"],
+                "select",
+                options=tuple(METHODS),
+                meaning="how a step is made",
+            ),
+            Control(
+                "rtol",
+                "algorithm",
+                "rtol",
+                "",
+                settings["rtol"],
+                "log",
+                1e-12,
+                1e-2,
+                1.0,
+                meaning="relative tolerance",
+                only="adaptive",
+            ),
+            Control(
+                "step",
+                "algorithm",
+                "h",
+                "",
+                settings["step"],
+                "log",
+                rounded(end / 20_000, 1),
+                rounded(end / 20, 1),
+                0.1,
+                system.time,
+                "size of a step",
+                only="fixed",
+            ),
         ]
     for control in controls:
         name = control.key.rpartition(".")[2]
         step = None
         if not isinstance(ranges.get(name, True), bool):
             try:
-                control.low, control.high, *step = (number(limit, f"slider of {name!r}") for limit in ranges[name])
+                control.low, control.high, *step = (
+                    number(limit, f"slider of {name!r}") for limit in ranges[name]
+                )
             except TypeError:
-                raise ModelError(f"slider of {name!r} must be (low, high), (low, high, step) or False, not {ranges[name]!r}") from None
+                raise ModelError(
+                    f"slider of {name!r} must be (low, high), (low, high, step) or False, not {ranges[name]!r}"
+                ) from None
         if control.kind != "select":
-            control.low, control.high = min(control.low, control.value), max(control.high, control.value)
+            control.low, control.high = (
+                min(control.low, control.value),
+                max(control.high, control.value),
+            )
             if control.low >= control.high or (control.kind == "log" and control.low <= 0):
-                raise ModelError(f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: give sliders={{{name!r}: (low, high)}}")
+                raise ModelError(
+                    f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: give sliders={{{name!r}: (low, high)}}"
+                )
         if control.kind == "slider":
             control.step = step[0] if step else _nice((control.high - control.low) / 250)
     return [control for control in controls if control.key.rpartition(".")[2] in wanted]
@@ -97,7 +203,10 @@ def _span(value: float, low: float | None, high: float | None) -> tuple[float, f
     """The declared range; an end that is not declared lies near the value and, unless the value is 0, on its side of zero."""
     near = sorted((rounded(0.2 * value, 1), rounded(2.5 * value, 2))) if value else (-1.0, 1.0)
     reach = max(near[1] - near[0], abs(value))
-    below, above = (near[0] if high is None else min(near[0], high - reach)), (near[1] if low is None else max(near[1], low + reach))
+    below, above = (
+        (near[0] if high is None else min(near[0], high - reach)),
+        (near[1] if low is None else max(near[1], low + reach)),
+    )
     return (below if low is None else low), (above if high is None else high)
 
 
@@ -108,12 +217,16 @@ def rounded(value: float, digits: int) -> float:
 def _nice(value: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above the value."""
     power = 10.0 ** math.floor(math.log10(value))
-    return rounded(power * max(factor for factor in (1, 2, 5) if factor <= value / power * (1 + 1e-12)), 1)
+    return rounded(
+        power * max(factor for factor in (1, 2, 5) if factor <= value / power * (1 + 1e-12)), 1
+    )
 
 
 def _symbol(name: str, latex: str | None = None) -> tuple[str, str]:
     """_symbol("omega0") -> ("ω", "0"): letter and index as plain text for the page, from the symbol that equations and axes use."""
-    text = re.sub(r"\\(?:mathrm|text|mathit)\{([^{}]*)\}", r"\1", (latex or symbol(name)).strip("$"))
+    text = re.sub(
+        r"\\(?:mathrm|text|mathit)\{([^{}]*)\}", r"\1", (latex or symbol(name)).strip("$")
+    )
     text = re.sub(r"\\([A-Za-z]+) ?", lambda found: _greek(found[1]), text)
     base, _, index = text.partition("_")
     index = index.strip("{}")
@@ -123,6 +236,8 @@ def _symbol(name: str, latex: str | None = None) -> tuple[str, str]:
 def _greek(word: str) -> str:
     size = "CAPITAL" if word[0].isupper() else "SMALL"
     try:
-        return unicodedata.lookup(f"GREEK {size} LETTER {word.upper().replace('LAMBDA', 'LAMDA').removeprefix('VAR')}")
+        return unicodedata.lookup(
+            f"GREEK {size} LETTER {word.upper().replace('LAMBDA', 'LAMDA').removeprefix('VAR')}"
+        )
     except KeyError:
         return "\\" + word

@@ -25,7 +25,12 @@ __all__ = ["PROJECTS", "Assignment", "Project", "assignment", "catalogue", "choo
 
 PROJECTS = 30
 HOME = ROOT / "notebooks"
-PARTS = {1: "Part 1. Linear systems with a prescribed equilibrium", 2: "Part 2. A pendulum with a static nonlinearity", 3: "Part 3. Systems with events", 0: "Concepts"}
+PARTS = {
+    1: "Part 1. Linear systems with a prescribed equilibrium",
+    2: "Part 2. A pendulum with a static nonlinearity",
+    3: "Part 3. Systems with events",
+    0: "Concepts",
+}
 
 
 @dataclass(frozen=True)
@@ -64,8 +69,13 @@ class Project:
         return "\n".join([f"Project {self.number}", *(f"  {a!r}" for a in self.assignments)])
 
     def _repr_html_(self) -> str:
-        rows = [(str(a.part), html.escape(a.name), _link(a), html.escape(a.task)) for a in self.assignments]
-        return f"<p><b>Project {self.number}</b></p>" + _table(("part", "assignment", "notebook", "what to do"), rows)
+        rows = [
+            (str(a.part), html.escape(a.name), _link(a), html.escape(a.task))
+            for a in self.assignments
+        ]
+        return f"<p><b>Project {self.number}</b></p>" + _table(
+            ("part", "assignment", "notebook", "what to do"), rows
+        )
 
 
 def project(number: int) -> Project:
@@ -78,15 +88,23 @@ def project(number: int) -> Project:
     except TypeError:
         n = 0
     if isinstance(number, bool) or not 1 <= n <= PROJECTS:
-        raise ModelError(f"there is no project {number!r}: a project number is a whole number from 1 to {PROJECTS}")
-    pick = [[a for a in ASSIGNMENTS if a.part == part and a.name[0].isdigit()] for part in (1, 2, 3)]
+        raise ModelError(
+            f"there is no project {number!r}: a project number is a whole number from 1 to {PROJECTS}"
+        )
+    pick = [
+        [a for a in ASSIGNMENTS if a.part == part and a.name[0].isdigit()] for part in (1, 2, 3)
+    ]
     return Project(n, tuple(names[(n - 1) % len(names)] for names in pick))  # type: ignore[arg-type]
 
 
 def assignment(part: int, name: int | str) -> Assignment:
     """assignment(2, "1.b"), assignment(3, 6), assignment(1, "sample") -> Assignment. Raises ModelError for one that is not in the course."""
     wanted = str(name).lower()
-    wanted = f"{wanted[0]}.{wanted[1]}" if len(wanted) == 2 and wanted[0].isdigit() and wanted[1].isalpha() else wanted
+    wanted = (
+        f"{wanted[0]}.{wanted[1]}"
+        if len(wanted) == 2 and wanted[0].isdigit() and wanted[1].isalpha()
+        else wanted
+    )
     if isinstance(part, bool) or part not in (1, 2, 3):
         raise ModelError(f"there is no part {part!r}: the course has the parts 1, 2 and 3")
     there = {a.name: a for a in ASSIGNMENTS if a.part == part}
@@ -114,19 +132,45 @@ def catalogue() -> _Page:
     Notebooks that the course does not list (a teacher's own) stand under the folder's part with their first heading.
     """
     known = {a.path: a for a in ASSIGNMENTS}
-    others = [path for path in found(HOME) if path.relative_to(HOME).with_suffix("").as_posix() not in {*known, "start"}]
+    others = [
+        path
+        for path in found(HOME)
+        if path.relative_to(HOME).with_suffix("").as_posix() not in {*known, "start"}
+    ]
     page, text = [], []
     for part, title in PARTS.items():
         folder = f"part{part}" if part else "concepts"
         listed_here = [a for a in ASSIGNMENTS if a.part == part]
-        listed_here += [Assignment(part, "", heading(path), "", path.relative_to(HOME).with_suffix("").as_posix()) for path in others if path.parent.name == folder]
+        listed_here += [
+            Assignment(
+                part, "", heading(path), "", path.relative_to(HOME).with_suffix("").as_posix()
+            )
+            for path in others
+            if path.parent.name == folder
+        ]
         there, missing = ([a for a in listed_here if a.exists == yes] for yes in (True, False))
         page.append(f"<h3>{html.escape(title)}</h3>")
         if there:
-            page.append(_table(("", "notebook", "what it is about"), [(a.name if a.name[:1].isdigit() else "", _link(a), html.escape(a.task)) for a in there]))
+            page.append(
+                _table(
+                    ("", "notebook", "what it is about"),
+                    [
+                        (a.name if a.name[:1].isdigit() else "", _link(a), html.escape(a.task))
+                        for a in there
+                    ],
+                )
+            )
         if missing:
-            page.append("<p><i>Still to come:</i> " + "; ".join(html.escape(_numbered(a)) for a in missing) + ".</p>")
-        text += [title, *(f"  {_numbered(a)}: {a.path}.ipynb" for a in there), *([f"  still to come: {len(missing)}"] if missing else [])]
+            page.append(
+                "<p><i>Still to come:</i> "
+                + "; ".join(html.escape(_numbered(a)) for a in missing)
+                + ".</p>"
+            )
+        text += [
+            title,
+            *(f"  {_numbered(a)}: {a.path}.ipynb" for a in there),
+            *([f"  still to come: {len(missing)}"] if missing else []),
+        ]
     return _Page("\n".join(page), "\n".join(text))
 
 
@@ -134,7 +178,12 @@ def heading(path: Path) -> str:
     """heading(path) -> the first heading of a notebook, or its file name where it has none or cannot be read."""
     try:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        lines = (line for cell in cells if cell["cell_type"] == "markdown" for line in "".join(cell["source"]).splitlines())
+        lines = (
+            line
+            for cell in cells
+            if cell["cell_type"] == "markdown"
+            for line in "".join(cell["source"]).splitlines()
+        )
         return next(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
     except (OSError, ValueError, KeyError, TypeError, StopIteration):
         return path.stem
@@ -143,9 +192,22 @@ def heading(path: Path) -> str:
 def overview() -> _Page:
     """overview() -> all projects as one table: the number, and a link to each of the three assignments."""
     projects = [project(n) for n in range(1, PROJECTS + 1)]
-    rows = [(f"<b>{p.number}</b>", *(f"{html.escape(a.name)}&ensp;{_link(a, '')}" for a in p.assignments)) for p in projects]
-    note = "" if all(a.exists for p in projects for a in p.assignments) else "<p><i>In italics: still to come.</i></p>"
-    return _Page(_table(("project", "part 1", "part 2", "part 3"), rows) + note, "\n".join(map(repr, projects)))
+    rows = [
+        (
+            f"<b>{p.number}</b>",
+            *(f"{html.escape(a.name)}&ensp;{_link(a, '')}" for a in p.assignments),
+        )
+        for p in projects
+    ]
+    note = (
+        ""
+        if all(a.exists for p in projects for a in p.assignments)
+        else "<p><i>In italics: still to come.</i></p>"
+    )
+    return _Page(
+        _table(("project", "part 1", "part 2", "part 3"), rows) + note,
+        "\n".join(map(repr, projects)),
+    )
 
 
 def choose(number: int = 1) -> None:
@@ -161,7 +223,13 @@ def choose(number: int = 1) -> None:
         def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
             return {**super()._repr_mimebundle_(**options), "text/html": overview()._repr_html_()}
 
-    slider = Slider(project(number).number, 1, PROJECTS, description="project", layout=widgets.Layout(width="34em"))
+    slider = Slider(
+        project(number).number,
+        1,
+        PROJECTS,
+        description="project",
+        layout=widgets.Layout(width="34em"),
+    )
     display(slider)
     place = display(project(number), display_id=True)
     slider.observe(lambda change: place.update(project(change["new"])), "value")
@@ -184,8 +252,14 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _equilibrium(number: int, kind: str, how: str, path: str) -> Assignment:
-    return Assignment(1, str(number), f"{kind.capitalize()}, {how}", f"Make a linear system of your own whose equilibrium is {_A[kind[0] in 'aeiou']} {kind}, "
-                      f"with a similarity transformation by {how}; solve it and compare with the exact solution.", f"part1/{number:02}_{path}")
+    return Assignment(
+        1,
+        str(number),
+        f"{kind.capitalize()}, {how}",
+        f"Make a linear system of your own whose equilibrium is {_A[kind[0] in 'aeiou']} {kind}, "
+        f"with a similarity transformation by {how}; solve it and compare with the exact solution.",
+        f"part1/{number:02}_{path}",
+    )
 
 
 _A = {True: "an", False: "a"}
@@ -194,12 +268,23 @@ _SECOND = "Let a sine force drive a mass held by {}: without the force, with the
 
 
 def _pendulum(kind: int, letter: str, title: str, what: str, path: str) -> Assignment:
-    return Assignment(2, f"{kind}.{letter}", title, (_FIRST if kind == 1 else _SECOND).format(what), f"part2/{kind}{letter}_{path}")
+    return Assignment(
+        2,
+        f"{kind}.{letter}",
+        title,
+        (_FIRST if kind == 1 else _SECOND).format(what),
+        f"part2/{kind}{letter}_{path}",
+    )
 
 
 ASSIGNMENTS: tuple[Assignment, ...] = (
-    Assignment(1, "sample", "Sample: a stable spiral", "The worked sample of part 1: a stable spiral about a chosen point, from several starts, against the exact solution.",
-               "part1/00_sample_stable_spiral"),
+    Assignment(
+        1,
+        "sample",
+        "Sample: a stable spiral",
+        "The worked sample of part 1: a stable spiral about a chosen point, from several starts, against the exact solution.",
+        "part1/00_sample_stable_spiral",
+    ),
     _equilibrium(1, "stable node", "matrix A", "stable_node_matrix_a"),
     _equilibrium(2, "unstable node", "matrix B", "unstable_node_matrix_b"),
     _equilibrium(3, "stable star", "reflection", "stable_star_reflection"),
@@ -212,47 +297,252 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
     _equilibrium(10, "unstable spiral", "matrix B", "unstable_spiral_matrix_b"),
     _equilibrium(11, "stable node", "reflection", "stable_node_reflection"),
     _equilibrium(12, "unstable node", "rotation", "unstable_node_rotation"),
-    Assignment(2, "introduction", "Introduction: a relay pendulum", "A pendulum on the circle, pushed one way or the other by a relay: what nonlinear systems do that linear ones cannot.",
-               "part2/00_relay_pendulum"),
-    Assignment(2, "sample", "Sample: a driven mass with a hysteresis relay", "The worked sample of part 2: a mass, a relay with hysteresis and a sine force; every switch is found.",
-               "part2/00_sample_relay_hysteresis"),
+    Assignment(
+        2,
+        "introduction",
+        "Introduction: a relay pendulum",
+        "A pendulum on the circle, pushed one way or the other by a relay: what nonlinear systems do that linear ones cannot.",
+        "part2/00_relay_pendulum",
+    ),
+    Assignment(
+        2,
+        "sample",
+        "Sample: a driven mass with a hysteresis relay",
+        "The worked sample of part 2: a mass, a relay with hysteresis and a sine force; every switch is found.",
+        "part2/00_sample_relay_hysteresis",
+    ),
     _pendulum(1, "a", "Relay", "a relay", "relay"),
     _pendulum(1, "b", "Relay with hysteresis", "a relay that switches late", "relay_hysteresis"),
-    _pendulum(1, "c", "Relay with a dead zone", "a relay that does nothing near the middle", "relay_dead_zone"),
-    _pendulum(1, "d", "Relay with a dead zone and hysteresis", "a relay that has a dead zone and switches late", "relay_dead_zone_hysteresis"),
-    _pendulum(1, "e", "Saturation", "a characteristic that is straight in the middle and limited outside", "saturation"),
-    _pendulum(1, "f", "Saturation with hysteresis", "a limited characteristic that lags behind the motion", "saturation_hysteresis"),
-    _pendulum(1, "g", "Dead zone with saturation", "a characteristic with a dead zone, a slope and a limit", "dead_zone_saturation"),
-    _pendulum(1, "h", "Dead zone with saturation and hysteresis", "a dead zone, a slope and a limit that lag behind the motion", "dead_zone_saturation_hysteresis"),
-    _pendulum(1, "i", "Smooth relay", "a relay whose jump is rounded to an arctangent", "smooth_relay"),
-    _pendulum(1, "j", "Smooth relay with a dead zone", "a rounded relay with a dead zone", "smooth_relay_dead_zone"),
+    _pendulum(
+        1,
+        "c",
+        "Relay with a dead zone",
+        "a relay that does nothing near the middle",
+        "relay_dead_zone",
+    ),
+    _pendulum(
+        1,
+        "d",
+        "Relay with a dead zone and hysteresis",
+        "a relay that has a dead zone and switches late",
+        "relay_dead_zone_hysteresis",
+    ),
+    _pendulum(
+        1,
+        "e",
+        "Saturation",
+        "a characteristic that is straight in the middle and limited outside",
+        "saturation",
+    ),
+    _pendulum(
+        1,
+        "f",
+        "Saturation with hysteresis",
+        "a limited characteristic that lags behind the motion",
+        "saturation_hysteresis",
+    ),
+    _pendulum(
+        1,
+        "g",
+        "Dead zone with saturation",
+        "a characteristic with a dead zone, a slope and a limit",
+        "dead_zone_saturation",
+    ),
+    _pendulum(
+        1,
+        "h",
+        "Dead zone with saturation and hysteresis",
+        "a dead zone, a slope and a limit that lag behind the motion",
+        "dead_zone_saturation_hysteresis",
+    ),
+    _pendulum(
+        1, "i", "Smooth relay", "a relay whose jump is rounded to an arctangent", "smooth_relay"
+    ),
+    _pendulum(
+        1,
+        "j",
+        "Smooth relay with a dead zone",
+        "a rounded relay with a dead zone",
+        "smooth_relay_dead_zone",
+    ),
     _pendulum(2, "a", "Driven: relay", "a force of constant size towards the middle", "relay"),
     _pendulum(2, "b", "Driven: saturation", "a spring whose force is limited", "saturation"),
-    _pendulum(2, "c", "Driven: relay with a dead zone", "a constant force that sets in outside a dead zone", "relay_dead_zone"),
-    _pendulum(2, "d", "Driven: preloaded spring", "a spring with a preload, so that its force jumps at the middle", "preloaded_spring"),
-    _pendulum(2, "e", "Driven: two slopes", "a spring whose stiffness changes at a limit", "two_slopes"),
-    _pendulum(2, "f", "Driven: springs beyond a clearance", "nothing within a clearance and by springs beyond it", "clearance_springs"),
-    Assignment(3, "sample", "Sample: self-oscillation by dry friction", "The worked sample of part 3: a block pulled by a spring sticks, slips, and sticks again.", "part3/00_sample_dry_friction"),
-    Assignment(3, "bouncing ball", "Demonstration: bouncing ball", "An event changes the state: ever more bounces in ever less time, and how a simulation lives with it.", "part3/00_bouncing_ball"),
-    Assignment(3, "circuit", "Demonstration: switched circuit", "A known instant changes a parameter: a series circuit whose resistance is switched, modelled in two ways.", "part3/00_switched_circuit"),
-    Assignment(3, "ball on spring", "Demonstration: ball on a spring", "An event changes the equation: a ball falls on a spring and is thrown back.", "part3/00_ball_on_spring"),
-    Assignment(3, "torn pendulum", "Demonstration: torn pendulum", "An event changes the variables themselves: the rod of a pendulum tears and its mass flies on.", "part3/00_torn_pendulum"),
-    Assignment(3, "1", "Water slide", "Follow a slider down the slope, round the arc, through the air and under water, and find the smallest safe pool.", "part3/01_water_slide"),
-    Assignment(3, "2", "Machine with an unbalanced rotor", "Find out whether a warning that shifts the frequencies saves one machine, or two, from destruction by resonance.",
-               "part3/02_unbalanced_rotor"),
-    Assignment(3, "3", "Two pendulums with vibrating pivots", "Keep a pendulum upright by shaking its pivot while the amplitude changes, and say when it stays up.", "part3/03_vibrating_pivots"),
-    Assignment(3, "4", "Room heater with dead time", "Control the temperature of a room with a heater that is on or off and a sensor that is late.", "part3/04_room_heater"),
-    Assignment(3, "5", "Automatic gearbox", "Follow a car with a speed controller and four gears over set points and hills, without a jerk at the shifts.", "part3/05_automatic_gearbox"),
-    Assignment(3, "6", "DC-DC converter", "Raise a voltage with a switch, a coil and a diode: start-up, limit cycle, ripple, and light load.", "part3/06_dc_dc_converter"),
-    Assignment(3, "7", "Two populations", "Let two kinds of animals compete for food, with winters and the chance to die out and return.", "part3/07_two_populations"),
-    Assignment(3, "8", "Machines with leaf springs", "Drive two sprung machines over a bumpy road where each must keep its distance from the other.", "part3/08_leaf_spring_machines"),
-    Assignment(3, "9", "Rigid plate in a gas stream", "Find out when a hinged plate in a gusty stream returns to rest and when it has an accident.", "part3/09_plate_in_gas"),
-    Assignment(3, "10", "Two masses on springs", "Shake a chain of two masses with a force that changes its shape and pitch, and keep them apart.", "part3/10_two_masses"),
-    Assignment(3, "11", "Rod and pendulum", "Ask whether an elastic rod whose free length is shaken survives: resonance through a changing parameter.", "part3/11_rod_and_pendulum"),
-    Assignment(3, "12", "Mass, beam and spring", "Halve a mass in mid-swing when the swing touches, but does not pass, its limit: a trap for every solver.", "part3/12_mass_beam_spring"),
-    Assignment(3, "13", "Cork in water", "See which of two floating bodies jumps higher while the liquids under them are exchanged.", "part3/13_cork_in_water"),
-    Assignment(3, "14", "Particle and ring", "Watch a particle swing through a ring that pulls it while the ring changes its size, and ask how far an answer can be trusted.", "part3/14_particle_and_ring"),
-    Assignment(3, "15", "Piston and gas", "Let a piston ride on a gas whose outer pressure drops and returns, and find out when its motion grows.", "part3/15_piston_and_gas"),
-    Assignment(0, "linear systems", "Linear systems", "Eigenvalues, canonical forms, and the map of all equilibria by trace and determinant.", "concepts/linear_systems"),
-    Assignment(0, "solvers and tolerances", "Solvers and tolerances", "What a tolerance buys, what finding events buys, and how solvers fail.", "concepts/solvers_and_tolerances"),
+    _pendulum(
+        2,
+        "c",
+        "Driven: relay with a dead zone",
+        "a constant force that sets in outside a dead zone",
+        "relay_dead_zone",
+    ),
+    _pendulum(
+        2,
+        "d",
+        "Driven: preloaded spring",
+        "a spring with a preload, so that its force jumps at the middle",
+        "preloaded_spring",
+    ),
+    _pendulum(
+        2, "e", "Driven: two slopes", "a spring whose stiffness changes at a limit", "two_slopes"
+    ),
+    _pendulum(
+        2,
+        "f",
+        "Driven: springs beyond a clearance",
+        "nothing within a clearance and by springs beyond it",
+        "clearance_springs",
+    ),
+    Assignment(
+        3,
+        "sample",
+        "Sample: self-oscillation by dry friction",
+        "The worked sample of part 3: a block pulled by a spring sticks, slips, and sticks again.",
+        "part3/00_sample_dry_friction",
+    ),
+    Assignment(
+        3,
+        "bouncing ball",
+        "Demonstration: bouncing ball",
+        "An event changes the state: ever more bounces in ever less time, and how a simulation lives with it.",
+        "part3/00_bouncing_ball",
+    ),
+    Assignment(
+        3,
+        "circuit",
+        "Demonstration: switched circuit",
+        "A known instant changes a parameter: a series circuit whose resistance is switched, modelled in two ways.",
+        "part3/00_switched_circuit",
+    ),
+    Assignment(
+        3,
+        "ball on spring",
+        "Demonstration: ball on a spring",
+        "An event changes the equation: a ball falls on a spring and is thrown back.",
+        "part3/00_ball_on_spring",
+    ),
+    Assignment(
+        3,
+        "torn pendulum",
+        "Demonstration: torn pendulum",
+        "An event changes the variables themselves: the rod of a pendulum tears and its mass flies on.",
+        "part3/00_torn_pendulum",
+    ),
+    Assignment(
+        3,
+        "1",
+        "Water slide",
+        "Follow a slider down the slope, round the arc, through the air and under water, and find the smallest safe pool.",
+        "part3/01_water_slide",
+    ),
+    Assignment(
+        3,
+        "2",
+        "Machine with an unbalanced rotor",
+        "Find out whether a warning that shifts the frequencies saves one machine, or two, from destruction by resonance.",
+        "part3/02_unbalanced_rotor",
+    ),
+    Assignment(
+        3,
+        "3",
+        "Two pendulums with vibrating pivots",
+        "Keep a pendulum upright by shaking its pivot while the amplitude changes, and say when it stays up.",
+        "part3/03_vibrating_pivots",
+    ),
+    Assignment(
+        3,
+        "4",
+        "Room heater with dead time",
+        "Control the temperature of a room with a heater that is on or off and a sensor that is late.",
+        "part3/04_room_heater",
+    ),
+    Assignment(
+        3,
+        "5",
+        "Automatic gearbox",
+        "Follow a car with a speed controller and four gears over set points and hills, without a jerk at the shifts.",
+        "part3/05_automatic_gearbox",
+    ),
+    Assignment(
+        3,
+        "6",
+        "DC-DC converter",
+        "Raise a voltage with a switch, a coil and a diode: start-up, limit cycle, ripple, and light load.",
+        "part3/06_dc_dc_converter",
+    ),
+    Assignment(
+        3,
+        "7",
+        "Two populations",
+        "Let two kinds of animals compete for food, with winters and the chance to die out and return.",
+        "part3/07_two_populations",
+    ),
+    Assignment(
+        3,
+        "8",
+        "Machines with leaf springs",
+        "Drive two sprung machines over a bumpy road where each must keep its distance from the other.",
+        "part3/08_leaf_spring_machines",
+    ),
+    Assignment(
+        3,
+        "9",
+        "Rigid plate in a gas stream",
+        "Find out when a hinged plate in a gusty stream returns to rest and when it has an accident.",
+        "part3/09_plate_in_gas",
+    ),
+    Assignment(
+        3,
+        "10",
+        "Two masses on springs",
+        "Shake a chain of two masses with a force that changes its shape and pitch, and keep them apart.",
+        "part3/10_two_masses",
+    ),
+    Assignment(
+        3,
+        "11",
+        "Rod and pendulum",
+        "Ask whether an elastic rod whose free length is shaken survives: resonance through a changing parameter.",
+        "part3/11_rod_and_pendulum",
+    ),
+    Assignment(
+        3,
+        "12",
+        "Mass, beam and spring",
+        "Halve a mass in mid-swing when the swing touches, but does not pass, its limit: a trap for every solver.",
+        "part3/12_mass_beam_spring",
+    ),
+    Assignment(
+        3,
+        "13",
+        "Cork in water",
+        "See which of two floating bodies jumps higher while the liquids under them are exchanged.",
+        "part3/13_cork_in_water",
+    ),
+    Assignment(
+        3,
+        "14",
+        "Particle and ring",
+        "Watch a particle swing through a ring that pulls it while the ring changes its size, and ask how far an answer can be trusted.",
+        "part3/14_particle_and_ring",
+    ),
+    Assignment(
+        3,
+        "15",
+        "Piston and gas",
+        "Let a piston ride on a gas whose outer pressure drops and returns, and find out when its motion grows.",
+        "part3/15_piston_and_gas",
+    ),
+    Assignment(
+        0,
+        "linear systems",
+        "Linear systems",
+        "Eigenvalues, canonical forms, and the map of all equilibria by trace and determinant.",
+        "concepts/linear_systems",
+    ),
+    Assignment(
+        0,
+        "solvers and tolerances",
+        "Solvers and tolerances",
+        "What a tolerance buys, what finding events buys, and how solvers fail.",
+        "concepts/solvers_and_tolerances",
+    ),
 )

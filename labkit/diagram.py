@@ -46,7 +46,9 @@ class _Arc:
     target: int
     text: Text | None
     dashed: bool = False
-    ends: list[float] = field(default_factory=lambda: [0.0, 0.0])  # x where it leaves and where it arrives
+    ends: list[float] = field(
+        default_factory=lambda: [0.0, 0.0]
+    )  # x where it leaves and where it arrives
     control: np.ndarray | None = None  # (4, 2) of its Bézier curve
     points: np.ndarray | None = None
     box: Bbox | None = None  # of its label
@@ -83,11 +85,19 @@ def _nodes(axes: Axes, system: System) -> list[_Node]:
         if mode.meaning:
             texts.append(_text(axes, textwrap.fill(mode.meaning, 20), 8.5))
         sizes = [_size(text) for text in texts]
-        nodes.append(_Node(max(0.9, max(w for w, _ in sizes) + 0.3), sum(h for _, h in sizes) + 0.07 * len(texts) + 0.24, texts))
+        nodes.append(
+            _Node(
+                max(0.9, max(w for w, _ in sizes) + 0.3),
+                sum(h for _, h in sizes) + 0.07 * len(texts) + 0.24,
+                texts,
+            )
+        )
     height = max(node.height for node in nodes)
     for node in nodes:
         node.height = height
-    return [*nodes, _Node(0.3, 0.3)] if any(tr.target is None for tr in system.transitions) else nodes
+    return (
+        [*nodes, _Node(0.3, 0.3)] if any(tr.target is None for tr in system.transitions) else nodes
+    )
 
 
 def _arcs(axes: Axes, system: System) -> list[_Arc]:
@@ -96,12 +106,22 @@ def _arcs(axes: Axes, system: System) -> list[_Arc]:
     formulas = equations(system)
     arcs = []
     for k, tr in enumerate(system.transitions):
-        words = "\n".join(filter(None, [textwrap.fill(tr.label, letters), _condition(axes, formulas, k, tr, letters)]))
+        words = "\n".join(
+            filter(
+                None, [textwrap.fill(tr.label, letters), _condition(axes, formulas, k, tr, letters)]
+            )
+        )
         sources = sorted(tr.sources, key=lambda source: -abs(keys[source] - keys[tr.target]))
-        for i, source in enumerate(sources):  # from three sources on, one label at the widest arc is enough
+        for i, source in enumerate(
+            sources
+        ):  # from three sources on, one label at the widest arc is enough
             text = _text(axes, words, 9) if words and (i == 0 or len(sources) < 3) else None
             arcs.append(_Arc(keys[source], keys[tr.target], text))
-        arcs += [_Arc(keys[source], keys[tr.zeno], _text(axes, "Zeno", 9), dashed=True) for source in sources if tr.zeno not in (None, source)]
+        arcs += [
+            _Arc(keys[source], keys[tr.zeno], _text(axes, "Zeno", 9), dashed=True)
+            for source in sources
+            if tr.zeno not in (None, source)
+        ]
     return arcs
 
 
@@ -109,7 +129,9 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
     """The second line of a label; nothing where it is too long or more than Matplotlib can set."""
     guard = formulas.guards[k]
     if isinstance(tr.at, Every):
-        text = f"every ${formulas.latex(tr.at.period)}$" + ("" if tr.at.first is None else f", first ${formulas.latex(tr.at.first)}$")
+        text = f"every ${formulas.latex(tr.at.period)}$" + (
+            "" if tr.at.first is None else f", first ${formulas.latex(tr.at.first)}$"
+        )
     elif isinstance(tr.at, At):
         text = "at $t = " + ",\\ ".join(map(formulas.latex, tr.at.instants)) + "$"
     elif hasattr(guard, "why"):
@@ -129,7 +151,18 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
 
 
 def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
-    return axes.text(0, 0, words, ha="center", va="center", fontsize=size, color=INK, linespacing=2.0 if "\\frac" in words else 1.25, zorder=5, **options)
+    return axes.text(
+        0,
+        0,
+        words,
+        ha="center",
+        va="center",
+        fontsize=size,
+        color=INK,
+        linespacing=2.0 if "\\frac" in words else 1.25,
+        zorder=5,
+        **options,
+    )
 
 
 def _size(text: Text) -> tuple[float, float]:
@@ -142,7 +175,11 @@ def _place_nodes(nodes: list[_Node], arcs: list[_Arc]) -> None:
     """From left to right, with gaps that hold the labels between neighbours."""
     x = 0.0
     for i, node in enumerate(nodes):
-        widths = [_size(arc.text)[0] for arc in arcs if arc.text and {arc.source, arc.target} == {i - 1, i}]
+        widths = [
+            _size(arc.text)[0]
+            for arc in arcs
+            if arc.text and {arc.source, arc.target} == {i - 1, i}
+        ]
         x += 0.0 if i == 0 else max(0.75, max(widths, default=0) - 0.15)
         node.x = x + node.width / 2
         x += node.width
@@ -155,9 +192,17 @@ def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
             here = []
             for k, arc in enumerate(arcs):
                 span = abs(arc.source - arc.target)
-                for end, (me, other) in enumerate(((arc.source, arc.target), (arc.target, arc.source))):
+                for end, (me, other) in enumerate(
+                    ((arc.source, arc.target), (arc.target, arc.source))
+                ):
                     if me == i and arc.side == side:
-                        order = (0, k + 1 if end else -k - 1) if span == 0 else (-1, (span, k)) if other < i else (1, (-span, -k))
+                        order = (
+                            (0, k + 1 if end else -k - 1)
+                            if span == 0
+                            else (-1, (span, k))
+                            if other < i
+                            else (1, (-span, -k))
+                        )
                         here.append((order, arc, end))
             here.sort(key=lambda item: (item[0][0], item[0][1]))
             for position, (_, arc, end) in enumerate(here):
@@ -171,7 +216,12 @@ def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
         span = abs(arc.ends[0] - arc.ends[1])
         size = np.array(_size(arc.text)) if arc.text else np.zeros(2)
         lowest = 0.34 + 0.12 * span
-        trials = [(lowest + 0.07 * k, shift) for k in range(60) for shift in (0.0, -0.12, 0.12, -0.25, 0.25, -0.4, 0.4) if abs(shift) <= 0.3 * max(span, 0.5)]
+        trials = [
+            (lowest + 0.07 * k, shift)
+            for k in range(60)
+            for shift in (0.0, -0.12, 0.12, -0.25, 0.25, -0.4, 0.4)
+            if abs(shift) <= 0.3 * max(span, 0.5)
+        ]
         best = None
         for height, shift in trials:
             _shape(nodes, arc, height)
@@ -188,45 +238,109 @@ def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
 
 
 def _shape(nodes: list[_Node], arc: _Arc, height: float) -> None:
-    (x0, y0), (x1, y1) = ((x, arc.side * nodes[k].height / 2) for x, k in zip(arc.ends, (arc.source, arc.target), strict=True))
+    (x0, y0), (x1, y1) = (
+        (x, arc.side * nodes[k].height / 2)
+        for x, k in zip(arc.ends, (arc.source, arc.target), strict=True)
+    )
     bulge = 0.3 * np.sign(x1 - x0) if arc.source == arc.target else 0.0  # a self loop is rounder
     top = arc.side * (max(abs(y0), abs(y1)) + 4 / 3 * height)
     arc.control = np.array([(x0, y0), (x0 - bulge, top), (x1 + bulge, top), (x1, y1)])
     u = np.linspace(0, 1, 41)[:, None]
-    arc.points = sum(c * w for c, w in zip(arc.control, ((1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3), strict=True))
+    arc.points = sum(
+        c * w
+        for c, w in zip(
+            arc.control, ((1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3), strict=True
+        )
+    )
 
 
 def _clash(a: _Arc, b: _Arc) -> int:
     """How bad it is that two arcs lie as they do: 100 for a label on a label, 1 for a label on a line."""
-    count = 100 * int(a.box is not None and b.box is not None and a.box.padded(CLEAR).overlaps(b.box))
-    return count + sum(one.box is not None and one.box.padded(CLEAR).count_contains(other.points) > 0 for one, other in ((a, b), (b, a)))
+    count = 100 * int(
+        a.box is not None and b.box is not None and a.box.padded(CLEAR).overlaps(b.box)
+    )
+    return count + sum(
+        one.box is not None and one.box.padded(CLEAR).count_contains(other.points) > 0
+        for one, other in ((a, b), (b, a))
+    )
 
 
 def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: list[_Arc]) -> None:
     colors = mode_colors(system)
     for node, (name, color) in zip(nodes, colors.items(), strict=False):
         corner = node.x - node.width / 2, -node.height / 2
-        axes.add_patch(FancyBboxPatch(corner, node.width, node.height, boxstyle="round,pad=0,rounding_size=0.12", fc=tint(color, 0.18), ec=color, lw=1.8, zorder=3))
+        axes.add_patch(
+            FancyBboxPatch(
+                corner,
+                node.width,
+                node.height,
+                boxstyle="round,pad=0,rounding_size=0.12",
+                fc=tint(color, 0.18),
+                ec=color,
+                lw=1.8,
+                zorder=3,
+            )
+        )
         sizes = [_size(text)[1] for text in node.texts]
         y = (sum(sizes) + 0.07 * (len(sizes) - 1)) / 2
         for text, height in zip(node.texts, sizes, strict=True):
             text.set_position((node.x, y - height / 2))
             y -= height + 0.07
-        if callable(system.mode) or system.mode == name:  # where a run begins; an open dot where the start state decides
+        if (
+            callable(system.mode) or system.mode == name
+        ):  # where a run begins; an open dot where the start state decides
             edge = node.x - node.width / 2
-            axes.add_patch(FancyArrowPatch((edge - 0.36, 0), (edge, 0), arrowstyle="-|>", mutation_scale=11, lw=1.3, color=LINE, shrinkA=0, shrinkB=0))
-            axes.add_patch(Circle((edge - 0.36, 0), 0.055, fc="white" if callable(system.mode) else LINE, ec=LINE, lw=1.3, zorder=4))
-    for node in nodes[len(colors):]:
+            axes.add_patch(
+                FancyArrowPatch(
+                    (edge - 0.36, 0),
+                    (edge, 0),
+                    arrowstyle="-|>",
+                    mutation_scale=11,
+                    lw=1.3,
+                    color=LINE,
+                    shrinkA=0,
+                    shrinkB=0,
+                )
+            )
+            axes.add_patch(
+                Circle(
+                    (edge - 0.36, 0),
+                    0.055,
+                    fc="white" if callable(system.mode) else LINE,
+                    ec=LINE,
+                    lw=1.3,
+                    zorder=4,
+                )
+            )
+    for node in nodes[len(colors) :]:
         axes.add_patch(Circle((node.x, 0), 0.15, fc="white", ec=LINE, lw=1.3, zorder=3))
         axes.add_patch(Circle((node.x, 0), 0.085, fc=LINE, ec=LINE, zorder=4))
     for arc in arcs:
         path = Path(arc.control, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
-        axes.add_patch(FancyArrowPatch(path=path, arrowstyle="-|>", mutation_scale=11, lw=1.3, color=LINE, ls="--" if arc.dashed else "-"))
+        axes.add_patch(
+            FancyArrowPatch(
+                path=path,
+                arrowstyle="-|>",
+                mutation_scale=11,
+                lw=1.3,
+                color=LINE,
+                ls="--" if arc.dashed else "-",
+            )
+        )
         if arc.text and arc.box:
             arc.text.set_position(((arc.box.x0 + arc.box.x1) / 2, (arc.box.y0 + arc.box.y1) / 2))
-    title = axes.text(0, 0, f"{system.name}: modes and transitions", fontsize=11, color=INK, ha="left", va="top")
-    boxes = [arc.box for arc in arcs if arc.box] + [Bbox([arc.points.min(axis=0), arc.points.max(axis=0)]) for arc in arcs]
-    boxes += [Bbox.from_bounds(node.x - node.width / 2 - 0.42, -node.height / 2, node.width + 0.42, node.height) for node in nodes]
+    title = axes.text(
+        0, 0, f"{system.name}: modes and transitions", fontsize=11, color=INK, ha="left", va="top"
+    )
+    boxes = [arc.box for arc in arcs if arc.box] + [
+        Bbox([arc.points.min(axis=0), arc.points.max(axis=0)]) for arc in arcs
+    ]
+    boxes += [
+        Bbox.from_bounds(
+            node.x - node.width / 2 - 0.42, -node.height / 2, node.width + 0.42, node.height
+        )
+        for node in nodes
+    ]
     whole = Bbox.union(boxes).padded(0.15)
     whole.x1 = max(whole.x1, whole.x0 + _size(title)[0] + 0.3)
     whole.y1 += 0.3

@@ -22,12 +22,23 @@ __all__ = ["ROOT", "execute", "found", "pre_save_hook", "strip"]
 ROOT = Path(__file__).resolve().parent.parent
 WIDGET = "application/vnd.jupyter.widget-view+json"
 #: What the kernel says of itself and is not of this machine or day.
-LANGUAGE = {"codemirror_mode", "file_extension", "mimetype", "name", "nbconvert_exporter", "pygments_lexer"}
+LANGUAGE = {
+    "codemirror_mode",
+    "file_extension",
+    "mimetype",
+    "name",
+    "nbconvert_exporter",
+    "pygments_lexer",
+}
 
 
 def found(folder: str | os.PathLike = ROOT / "notebooks") -> list[Path]:
     """found() -> all notebooks under notebooks/, sorted, without Jupyter's checkpoints."""
-    return sorted(path for path in Path(folder).rglob("*.ipynb") if not any(part.startswith(".") for part in path.relative_to(folder).parts))
+    return sorted(
+        path
+        for path in Path(folder).rglob("*.ipynb")
+        if not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    )
 
 
 def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -39,7 +50,9 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
     metadata = notebook["metadata"]
     metadata.pop("widgets", None)
     if "language_info" in metadata:
-        metadata["language_info"] = {key: value for key, value in metadata["language_info"].items() if key in LANGUAGE}
+        metadata["language_info"] = {
+            key: value for key, value in metadata["language_info"].items() if key in LANGUAGE
+        }
     for cell in notebook["cells"]:
         for key in ("execution", "ExecuteTime"):
             cell["metadata"].pop(key, None)
@@ -53,7 +66,10 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
             if isinstance(data.get("text/plain"), str):
                 data["text/plain"] = re.sub(r" at 0x[0-9a-fA-F]+", "", data["text/plain"])
             last = outputs[-1] if outputs else {}
-            if output["output_type"] == "stream" == last.get("output_type") and output["name"] == last["name"]:
+            if (
+                output["output_type"] == "stream" == last.get("output_type")
+                and output["name"] == last["name"]
+            ):
                 last["text"] = _text(last["text"]) + _text(output["text"])
             else:
                 outputs.append(output)
@@ -81,9 +97,19 @@ def execute(path: str | os.PathLike, timeout: float = 300.0) -> Path:
 
     path = Path(path)
     notebook = nbformat.read(path, as_version=4)
-    client = NotebookClient(notebook, timeout=timeout, kernel_name="python3", store_widget_state=False, resources={"metadata": {"path": str(path.parent)}})
+    client = NotebookClient(
+        notebook,
+        timeout=timeout,
+        kernel_name="python3",
+        store_widget_state=False,
+        resources={"metadata": {"path": str(path.parent)}},
+    )
     client.execute()
-    notebook.metadata["kernelspec"] = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+    notebook.metadata["kernelspec"] = {
+        "display_name": "Python 3 (ipykernel)",
+        "language": "python",
+        "name": "python3",
+    }
     return _write(path, (nbformat.writes(strip(notebook)) + "\n").encode())
 
 
@@ -99,7 +125,13 @@ def execute_all(paths: list[str], say: Callable[[str], None] = print) -> int:
         try:
             execute(path)
             say(f"{path}: {time.perf_counter() - begin:.1f} s, {path.stat().st_size / 1000:.0f} kB")
-        except (CellExecutionError, CellTimeoutError, DeadKernelError, OSError, ValueError) as error:
+        except (
+            CellExecutionError,
+            CellTimeoutError,
+            DeadKernelError,
+            OSError,
+            ValueError,
+        ) as error:
             failed += 1
             say(f"{path}: failed\n{error}")
     return failed

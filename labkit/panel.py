@@ -24,7 +24,7 @@ import anywidget
 import numpy as np
 import traitlets
 
-from .controls import SETTINGS, Control, controls_of, rounded
+from .controls import Control, controls_of, rounded
 from .draw.figure import CSS_DPI
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
@@ -60,19 +60,48 @@ class Panel(anywidget.AnyWidget):
     _esm = Path(__file__).with_name("panel.js")
     _css = Path(__file__).with_name("panel.css")
     spec = traitlets.Dict().tag(sync=True)
-    first = traitlets.Bytes().tag(sync=True)  # the default run's picture, sent once: a panel is not empty while later cells run
+    first = traitlets.Bytes().tag(
+        sync=True
+    )  # the default run's picture, sent once: a panel is not empty while later cells run
 
-    def __init__(self, title: str, controls: list[Control], compute: Callable[[dict], Run], view: View, verdict: Callable[[Run], str], run: Run,
-                 presets: Mapping[str, dict] | None = None):
-        self.title, self.controls, self.compute, self.verdict, self.run, self.presets = title, controls, compute, verdict, run, dict(presets or {})
+    def __init__(
+        self,
+        title: str,
+        controls: list[Control],
+        compute: Callable[[dict], Run],
+        view: View,
+        verdict: Callable[[Run], str],
+        run: Run,
+        presets: Mapping[str, dict] | None = None,
+    ):
+        self.title, self.controls, self.compute, self.verdict, self.run, self.presets = (
+            title,
+            controls,
+            compute,
+            verdict,
+            run,
+            dict(presets or {}),
+        )
         self.defaults = {control.key: control.value for control in controls}
-        self.values, self.figure, self.size, self.png = dict(self.defaults), view.figure, view.figure.css_size, view.figure.png()
+        self.values, self.figure, self.size, self.png = (
+            dict(self.defaults),
+            view.figure,
+            view.figure.css_size,
+            view.figure.png(),
+        )
         # What follows is on the screen only: handles for the start in each plane, cursor, held run, clicked trajectories.
         views = getattr(view, "views", (view,))
         self.shows = [show for part in views for show in getattr(part, "shows", ())]
-        starts = [Handle(show.axes, show.x, show.names[0], meaning="start") for show in self.shows
-                  if show.plane and any(f"start.{name}" in self.defaults for name in (show.x, *show.names))]
-        self.overlay, self.handles = Overlay(self.shows), [part for part in (*views, *starts) if isinstance(part, Handle)]
+        starts = [
+            Handle(show.axes, show.x, show.names[0], meaning="start")
+            for show in self.shows
+            if show.plane
+            and any(f"start.{name}" in self.defaults for name in (show.x, *show.names))
+        ]
+        self.overlay, self.handles = (
+            Overlay(self.shows),
+            [part for part in (*views, *starts) if isinstance(part, Handle)],
+        )
         for handle in starts:
             handle.update(run)
         self.view = Together(*views, self.overlay, *starts)
@@ -83,26 +112,48 @@ class Panel(anywidget.AnyWidget):
         self.inches = tuple(view.figure.get_size_inches())
         self.words = str(verdict(run))
         width, height = (float(CSS_DPI * inches) for inches in self.figure.get_size_inches())
-        super().__init__(first=self.png, spec={
-            "title": title, "width": width, "height": height, "fixed": FIXED_STEP, "verdict": self.words, "alt": _in_words(view.figure, title),
-            "controls": [asdict(control) for control in controls], "presets": self.presets, "time": run.system.time, "planes": any(s.plane for s in self.shows),
-            "handles": [handle.meaning for handle in self.handles], "moves": bool(self.shows) or any(isinstance(part, Motion) for part in views),
-        })
+        super().__init__(
+            first=self.png,
+            spec={
+                "title": title,
+                "width": width,
+                "height": height,
+                "fixed": FIXED_STEP,
+                "verdict": self.words,
+                "alt": _in_words(view.figure, title),
+                "controls": [asdict(control) for control in controls],
+                "presets": self.presets,
+                "time": run.system.time,
+                "planes": any(s.plane for s in self.shows),
+                "handles": [handle.meaning for handle in self.handles],
+                "moves": bool(self.shows) or any(isinstance(part, Motion) for part in views),
+            },
+        )
         self.on_msg(self._receive)
 
     def _repr_mimebundle_(self, **_: object) -> tuple[dict, dict]:
         """The widget view, and beside it the static picture, which is all that a saved notebook keeps."""
         data, metadata = super()._repr_mimebundle_()
         width, height = self.size
-        return {**data, "image/png": self.png, "text/plain": repr(self)}, {**metadata, "image/png": {"width": width, "height": height}}
+        return {**data, "image/png": self.png, "text/plain": repr(self)}, {
+            **metadata,
+            "image/png": {"width": width, "height": height},
+        }
 
     def __repr__(self) -> str:
         return f"panel of {self.title!r}"
 
     def check(self) -> None:
         """panel.check(): compute, update the picture and judge at both ends of every slider, at every choice and preset; errors come out."""
-        tries = [({control.key: end}, f"{control.name}{control.index} = {end}") for control in self.controls for end in control.ends]
-        for values, words in [*tries, *((values, f"preset {name!r}") for name, values in self.presets.items())]:
+        tries = [
+            ({control.key: end}, f"{control.name}{control.index} = {end}")
+            for control in self.controls
+            for end in control.ends
+        ]
+        for values, words in [
+            *tries,
+            *((values, f"preset {name!r}") for name, values in self.presets.items()),
+        ]:
             try:
                 run = self.compute(self.defaults | values)
                 self.view.update(run)
@@ -123,16 +174,34 @@ class Panel(anywidget.AnyWidget):
         try:
             if kind == "export":
                 answer = {"kind": "said", "text": self.export(message["what"])}
-            elif kind not in ("ready", "set", "drag", "limits", "start", "clear", "cursor", "hold", "large"):
+            elif kind not in (
+                "ready",
+                "set",
+                "drag",
+                "limits",
+                "start",
+                "clear",
+                "cursor",
+                "hold",
+                "large",
+            ):
                 raise ModelError(f"a panel cannot {kind!r}")
             else:
                 getattr(self, f"_{kind}")(message)
                 self._resize(float(message.get("scale", 1.0)))
-                answer, buffers = self._picture(min(max(float(message.get("ratio", 1.0)), 0.3), 3.0), message.get("settled", True), kind == "ready")
+                answer, buffers = self._picture(
+                    min(max(float(message.get("ratio", 1.0)), 0.3), 3.0),
+                    message.get("settled", True),
+                    kind == "ready",
+                )
         except ModelError as error:
             answer = {"kind": "error", "text": str(error)}
         except Exception as error:
-            answer = {"kind": "error", "text": f"{type(error).__name__}: {error}", "trace": traceback.format_exc()}
+            answer = {
+                "kind": "error",
+                "text": f"{type(error).__name__}: {error}",
+                "trace": traceback.format_exc(),
+            }
         self.send(answer | {key: message.get(key) for key in ("seq", "view", "settled")}, buffers)
 
     def _ready(self, message: dict) -> None:
@@ -147,7 +216,11 @@ class Panel(anywidget.AnyWidget):
         for name, value in handle.values(*self._data(handle.axes, message)).items():
             key = f"p.{name}" if name in self.run.system.parameters else f"start.{name}"
             if control := known.get(key):
-                value = float(f"{round(value / control.step) * control.step:.12g}") if control.kind == "slider" else float(value)  # a slider's round numbers
+                value = (
+                    float(f"{round(value / control.step) * control.step:.12g}")
+                    if control.kind == "slider"
+                    else float(value)
+                )  # a slider's round numbers
                 found[key] = min(max(value, control.low), control.high)
             elif name in self.run.system.parameters:
                 found[key] = float(value)
@@ -160,8 +233,17 @@ class Panel(anywidget.AnyWidget):
         if message["limits"] is None:
             x, y = self.home.pop(axes)
         else:
-            x, y = axes.transScale.inverted().transform(np.array(message["limits"], dtype=float).reshape(2, 2)).T
-            if not (np.all(np.isfinite((x, y))) and np.all(np.abs(np.subtract(*np.array([x, y]).T)) > 1e-9 * np.abs([x, y]).max(axis=1))):
+            x, y = (
+                axes.transScale.inverted()
+                .transform(np.array(message["limits"], dtype=float).reshape(2, 2))
+                .T
+            )
+            if not (
+                np.all(np.isfinite((x, y)))
+                and np.all(
+                    np.abs(np.subtract(*np.array([x, y]).T)) > 1e-9 * np.abs([x, y]).max(axis=1)
+                )
+            ):
                 raise ModelError("this is as far as the zoom goes")
         axes.set(xlim=x, ylim=y)
         self.view.update(self.run)
@@ -172,23 +254,29 @@ class Panel(anywidget.AnyWidget):
         show = next((show for show in self.shows if show.axes is axes and show.plane), None)
         if show is None:
             raise ModelError("trajectories start in a phase plane")
-        begin = dict(zip((show.x, show.names[0]), map(float, self._data(axes, message)), strict=True))
+        begin = dict(
+            zip((show.x, show.names[0]), map(float, self._data(axes, message)), strict=True)
+        )
         self._begin(self.values, [begin])  # raises when it cannot start there
         self.begun.append(begin)
         self.overlay.add(self._begin(self.values, self.begun))
 
-    def _begin(self, values: dict, starts: list[dict[str, float]], strict: bool = True) -> list[Run]:
+    def _begin(
+        self, values: dict, starts: list[dict[str, float]], strict: bool = True
+    ) -> list[Run]:
         runs = []
         for start in starts:
             try:
-                runs.append(self.compute(values | {f"start.{name}": value for name, value in start.items()}))
+                runs.append(
+                    self.compute(values | {f"start.{name}": value for name, value in start.items()})
+                )
             except ModelError:
                 if strict and len(starts) == 1:
                     raise
         return runs
 
     def _clear(self, message: dict) -> None:
-        self.begun = self.begun[:len(self.begun) - message["last"]] if "last" in message else []
+        self.begun = self.begun[: len(self.begun) - message["last"]] if "last" in message else []
         self.overlay.add(self._begin(self.values, self.begun))
 
     def _cursor(self, message: dict) -> None:
@@ -221,7 +309,11 @@ class Panel(anywidget.AnyWidget):
 
     def _data(self, axes: Any, message: dict) -> tuple[float, float]:
         """Pixels of the picture that the page shows -> data coordinates."""
-        return tuple(axes.transData.inverted().transform((message["x"], self.scene.recorder.height - message["y"])))
+        return tuple(
+            axes.transData.inverted().transform(
+                (message["x"], self.scene.recorder.height - message["y"])
+            )
+        )
 
     # -- the picture ----------------------------------------------------------------------------------------------------
 
@@ -234,27 +326,69 @@ class Panel(anywidget.AnyWidget):
             self.overlay.add(self._begin(values, self.begun, strict=False))
         self._point()
 
-    def _picture(self, ratio: float = 1.0, settled: bool = True, everything: bool = True) -> tuple[dict, list[bytes]]:
+    def _picture(
+        self, ratio: float = 1.0, settled: bool = True, everything: bool = True
+    ) -> tuple[dict, list[bytes]]:
         message, buffers = self.scene.picture(ratio, settled, everything)
         if len(buffers[0]) > MOST:
-            message, buffers = {"mime": "image/jpeg", "size": message["size"]}, [self.scene.bitmap()]
+            message, buffers = (
+                {"mime": "image/jpeg", "size": message["size"]},
+                [self.scene.bitmap()],
+            )
         height, t = self.scene.recorder.height, self.run.t
         times = {show.axes for show in self.shows if not show.plane}
         planes = {show.axes for show in self.shows if show.plane}
-        axes = [{"kind": "time" if ax in times else "plane" if ax in planes else "", "box": [box.x0, height - box.y1, box.width, box.height], "home": ax not in self.home,
-                 "limits": ax.transScale.transform(np.column_stack([ax.get_xlim(), ax.get_ylim()])).ravel().tolist()} for ax in self.figure.axes for box in [ax.bbox]]
-        grips = [[float(x), float(height - y)] for handle in self.handles for x, y in [handle.axes.transData.transform(handle.at_place)]]
-        return {"kind": "picture", "verdict": self.words, "values": self.values, "axes": axes, "grips": grips, "t": self.t, "span": [float(t[0]), float(t[-1])],
-                "reading": self._reading(), "begun": len(self.begun), **message}, buffers
+        axes = [
+            {
+                "kind": "time" if ax in times else "plane" if ax in planes else "",
+                "box": [box.x0, height - box.y1, box.width, box.height],
+                "home": ax not in self.home,
+                "limits": ax.transScale.transform(np.column_stack([ax.get_xlim(), ax.get_ylim()]))
+                .ravel()
+                .tolist(),
+            }
+            for ax in self.figure.axes
+            for box in [ax.bbox]
+        ]
+        grips = [
+            [float(x), float(height - y)]
+            for handle in self.handles
+            for x, y in [handle.axes.transData.transform(handle.at_place)]
+        ]
+        return {
+            "kind": "picture",
+            "verdict": self.words,
+            "values": self.values,
+            "axes": axes,
+            "grips": grips,
+            "t": self.t,
+            "span": [float(t[0]), float(t[-1])],
+            "reading": self._reading(),
+            "begun": len(self.begun),
+            **message,
+        }, buffers
 
     def _reading(self) -> str:
         """Values at the cursor: t = 3.2 s: x = 0.31 m, v = −1 m/s; mode slip"""
         if self.t is None:
             return ""
         system, values = self.run.system, self.run.at(self.t)
-        names = list(dict.fromkeys(name for show in self.shows for name in (*show.names, *([show.x] if show.plane else [])) if name in values))
-        words = ", ".join(f"{name} = {values[name]:.4g} {system.unit(name)}".strip() for name in names if np.isfinite(values[name]))
-        return f"t = {self.t:.4g} {system.time}: {words}".replace("-", "−") + (f"; {values['mode']}" if len(system.modes) > 1 else "")
+        names = list(
+            dict.fromkeys(
+                name
+                for show in self.shows
+                for name in (*show.names, *([show.x] if show.plane else []))
+                if name in values
+            )
+        )
+        words = ", ".join(
+            f"{name} = {values[name]:.4g} {system.unit(name)}".strip()
+            for name in names
+            if np.isfinite(values[name])
+        )
+        return f"t = {self.t:.4g} {system.time}: {words}".replace("-", "−") + (
+            f"; {values['mode']}" if len(system.modes) > 1 else ""
+        )
 
     def export(self, what: str) -> str:
         """panel.export("csv") -> a sentence that says where the run on show went ("csv", "npz", "png"): beside the notebook.
@@ -264,7 +398,10 @@ class Panel(anywidget.AnyWidget):
         if what not in ("csv", "npz", "png"):
             raise ModelError(f"a panel exports 'csv', 'npz' or 'png', not {what!r}")
         stem = re.sub(r"\W+", "_", self.title).strip("_").lower() or "run"
-        names = (Path.cwd() / f"{stem}{suffix}.{what}" for suffix in ("", *(f"_{k}" for k in range(2, 1000))))
+        names = (
+            Path.cwd() / f"{stem}{suffix}.{what}"
+            for suffix in ("", *(f"_{k}" for k in range(2, 1000)))
+        )
         path = next((path for path in names if not path.exists()), None)
         if path is None:
             raise ModelError(f"there are 999 files like {stem}.{what} already: delete some")
@@ -275,10 +412,20 @@ class Panel(anywidget.AnyWidget):
         return f"Saved {path}"
 
 
-def explore(system: System, horizon: float, draw: Callable[[Run], View] | None = None, *, sliders: Mapping[str, object] | Iterable[str] | None = None,
-            start: bool | Mapping[str, float] = True, method: bool | str = True, verdict: Callable[[Run], str] | None = None, title: str | None = None,
-            choices: Mapping[str, Mapping[str, Mapping[str, object]]] | None = None, presets: Mapping[str, Mapping[str, object]] | None = None,
-            **options: object) -> Panel:
+def explore(
+    system: System,
+    horizon: float,
+    draw: Callable[[Run], View] | None = None,
+    *,
+    sliders: Mapping[str, object] | Iterable[str] | None = None,
+    start: bool | Mapping[str, float] = True,
+    method: bool | str = True,
+    verdict: Callable[[Run], str] | None = None,
+    title: str | None = None,
+    choices: Mapping[str, Mapping[str, Mapping[str, object]]] | None = None,
+    presets: Mapping[str, Mapping[str, object]] | None = None,
+    **options: object,
+) -> Panel:
     """explore(system, horizon, draw) -> a panel of sliders and a live figure; let it be the last line of a cell.
 
     draw      draw(run) -> a View, or a list of Views that share a figure, also Handle and Motion; left out: time plot and phase portrait
@@ -296,72 +443,162 @@ def explore(system: System, horizon: float, draw: Callable[[Run], View] | None =
     LABKIT_CHECK=1 in the environment it tries both ends of every slider and lets all errors out (a widget swallows them).
     """
     begin = {**system.start, **(start if isinstance(start, Mapping) else {})}
-    p = system.values({key: options.pop(key) for key in list(options) if key in system.parameters})._asdict()
+    p = system.values(
+        {key: options.pop(key) for key in list(options) if key in system.parameters}
+    )._asdict()
     horizon = number(horizon, "horizon")
-    settings = {"t_end": horizon, "method": method if isinstance(method, str) else "DOP853",
-                "rtol": options.pop("rtol", 1e-8), "step": options.pop("step", rounded(horizon / 1000, 1))}
+    settings = {
+        "t_end": horizon,
+        "method": method if isinstance(method, str) else "DOP853",
+        "rtol": options.pop("rtol", 1e-8),
+        "step": options.pop("step", rounded(horizon / 1000, 1)),
+    }
     choices = choices or {}
-    taken = {key for variants in choices.values() for arguments in variants.values() for key in arguments}  # what a choice sets has no slider
+    taken = {
+        key for variants in choices.values() for arguments in variants.values() for key in arguments
+    }  # what a choice sets has no slider
 
     def compute(values: Mapping[str, Any]) -> Run:
-        chosen: dict[str, Any] = {key: value for label, variants in choices.items() for key, value in variants[values[f"choice.{label}"]].items()}
+        chosen: dict[str, Any] = {
+            key: value
+            for label, variants in choices.items()
+            for key, value in variants[values[f"choice.{label}"]].items()
+        }
         model = chosen.pop("system", system)
-        parameters = {name: values.get(f"p.{name}", value) for name, value in p.items() if name in model.parameters}
-        where = {name: values.get(f"start.{name}", value) for name, value in begin.items() if name in model.start}
+        parameters = {
+            name: values.get(f"p.{name}", value)
+            for name, value in p.items()
+            if name in model.parameters
+        }
+        where = {
+            name: values.get(f"start.{name}", value)
+            for name, value in begin.items()
+            if name in model.start
+        }
         how = settings | {key: values[key] for key in settings if key in values}
         del how["rtol" if how["method"] in FIXED_STEP else "step"]
         return simulate(model, **{**options, "start": where, **parameters, **how, **chosen})
 
-    controls = [Control(f"choice.{label}", "variant", label, "", next(iter(variants)), "select", options=tuple(variants)) for label, variants in choices.items()]
+    controls = [
+        Control(
+            f"choice.{label}",
+            "variant",
+            label,
+            "",
+            next(iter(variants)),
+            "select",
+            options=tuple(variants),
+        )
+        for label, variants in choices.items()
+    ]
     first = {control.key: control.value for control in controls}
     run = compute(first)
 
     def startable(name: str, value: float) -> bool:
         try:
-            compute(first | {f"start.{name}": value, "t_end": run.t[0] + 1e-6 * (run.t[-1] - run.t[0]), "method": "DOP853"})
+            compute(
+                first
+                | {
+                    f"start.{name}": value,
+                    "t_end": run.t[0] + 1e-6 * (run.t[-1] - run.t[0]),
+                    "method": "DOP853",
+                }
+            )
         except ModelError:
             return False
         return True
 
-    controls += controls_of(system, p, begin if start and "start" not in taken else {}, settings if method else {}, sliders, taken, run, startable)
+    controls += controls_of(
+        system,
+        p,
+        begin if start and "start" not in taken else {},
+        settings if method else {},
+        sliders,
+        taken,
+        run,
+        startable,
+    )
     view = (draw or _time_and_phase)(run)
     view = Together(*view) if isinstance(view, tuple | list) else view
     for part in getattr(view, "views", ()):
         if isinstance(part, Handle | Motion):
             part.update(run)
-    panel = Panel(title or system.name, controls, compute, view, verdict or _verdict, run, _presets(presets or {}, system, controls))
+    panel = Panel(
+        title or system.name,
+        controls,
+        compute,
+        view,
+        verdict or _verdict,
+        run,
+        _presets(presets or {}, system, controls),
+    )
     if os.environ.get("LABKIT_CHECK") == "1":
         panel.check()
     return panel
 
 
-def _presets(presets: Mapping[str, Mapping[str, object]], system: System, controls: list[Control]) -> dict[str, dict]:
+def _presets(
+    presets: Mapping[str, Mapping[str, object]], system: System, controls: list[Control]
+) -> dict[str, dict]:
     """Values by control key. Raises ModelError for a name that no control and no parameter has."""
-    keys = {control.key.removeprefix("start.").removeprefix("p.").removeprefix("choice."): control.key for control in controls}
-    keys = {name: f"p.{name}" for name in system.parameters} | {name: f"start.{name}" for name in system.units} | keys
+    keys = {
+        control.key.removeprefix("start.").removeprefix("p.").removeprefix("choice."): control.key
+        for control in controls
+    }
+    keys = (
+        {name: f"p.{name}" for name in system.parameters}
+        | {name: f"start.{name}" for name in system.units}
+        | keys
+    )
     for preset, values in presets.items():
         if not isinstance(values, Mapping):
-            raise ModelError(f"preset {preset!r} must be a dict of names and values, not {values!r}")
+            raise ModelError(
+                f"preset {preset!r} must be a dict of names and values, not {values!r}"
+            )
         if unknown := [name for name in values if name not in keys]:
-            raise ModelError(f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not have; there are {listed(keys)}")
-    return {preset: {keys[name]: value for name, value in values.items()} for preset, values in presets.items()}
+            raise ModelError(
+                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not have; there are {listed(keys)}"
+            )
+    return {
+        preset: {keys[name]: value for name, value in values.items()}
+        for preset, values in presets.items()
+    }
 
 
 def _verdict(run: Run) -> str:
     """finished at 40 s; 26 events (13 "switch up", 13 "switch down"); 312 steps, 0.4 ms, compiled"""
     counts = Counter(event.transition for event in run.events)
-    kinds = ", ".join(f'{count} "{name}"' for name, count in counts.most_common(3)) + (", …" if len(counts) > 3 else "")
-    events = f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})" if run.events else "no events"
+    kinds = ", ".join(f'{count} "{name}"' for name, count in counts.most_common(3)) + (
+        ", …" if len(counts) > 3 else ""
+    )
+    events = (
+        f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})"
+        if run.events
+        else "no events"
+    )
     work = run.work
     return f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}; {events}; {work.steps} steps, {rounded(1000 * work.seconds, 2):.6g} ms, {work.backend}"
 
 
 def _in_words(figure: Any, title: str) -> str:
     """The alternative text of a picture: what its axes show, "x, v [m] over t [s]"."""
+
     def plain(text: str) -> str:
         return re.sub(r"\\(?:mathrm|dot)|[${}]", "", text).replace("\\", "")
 
-    axes = [", ".join(filter(None, [plain(ax.get_title("left")), f"{plain(ax.get_ylabel())} over {plain(ax.get_xlabel())}"])) for ax in figure.axes if ax.get_ylabel()]
+    axes = [
+        ", ".join(
+            filter(
+                None,
+                [
+                    plain(ax.get_title("left")),
+                    f"{plain(ax.get_ylabel())} over {plain(ax.get_xlabel())}",
+                ],
+            )
+        )
+        for ax in figure.axes
+        if ax.get_ylabel()
+    ]
     return f"{title}: " + "; ".join(axes)
 
 
@@ -371,4 +608,7 @@ def _time_and_phase(run: Run) -> View:
     if len(run.system.states) < 2:
         return time_plot(run)
     fig = figure(1, 2, widths=[3, 2])
-    return Together(time_plot(run, tuple(run.system.states[:2]), axes=fig.axes[0]), phase_portrait(run, axes=fig.axes[1], title=""))
+    return Together(
+        time_plot(run, tuple(run.system.states[:2]), axes=fig.axes[0]),
+        phase_portrait(run, axes=fig.axes[1], title=""),
+    )

@@ -1,6 +1,6 @@
 """How names and small tables are shown. One rule for equations, tables and axes; it needs neither SymPy nor Matplotlib.
 
-    latex_name("omega1")  ->  \\omega_{1}        latex_name("Vp")  ->  V_{p}        latex_name("mass")  ->  \\mathrm{mass}
+latex_name("omega1")  ->  \\omega_{1}        latex_name("Vp")  ->  V_{p}        latex_name("mass")  ->  \\mathrm{mass}
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ class Table:
     title: str = ""
 
     def _repr_markdown_(self) -> str:
-        lines = ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in (self.head, *self.rows)]
+        lines = [
+            "| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |"
+            for row in (self.head, *self.rows)
+        ]
         lines.insert(1, "|" + ":---|" * len(self.head))
         return (f"**{self.title}**\n\n" if self.title else "") + "\n".join(lines)
 
@@ -32,16 +35,24 @@ class Table:
     def __repr__(self) -> str:
         cells = [[str(cell) for cell in row] for row in (self.head, *self.rows)]
         wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in cells]
+        lines = [
+            "  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip()
+            for row in cells
+        ]
         return "\n".join([self.title, *lines] if self.title else lines)
 
+
 GREEK = frozenset(
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi omega "
-    "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
+    ["alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega"]
 )
 _SHORT = {"lam": "lambda", "lamda": "lambda", "eps": "epsilon", "om": "omega"}
-_VARIANT = {"epsilon": "\\varepsilon", "phi": "\\varphi"}  # the forms that a course on mechanics prints
-_WORDS = frozenset("max min ref low high in out eq crit rest set off on".split())  # what an index is often called
+_VARIANT = {
+    "epsilon": "\\varepsilon",
+    "phi": "\\varphi",
+}  # the forms that a course on mechanics prints
+_WORDS = frozenset(
+    ["max", "min", "ref", "low", "high", "in", "out", "eq", "crit", "rest", "set", "off", "on"]
+)  # what an index is often called
 
 
 def latex_name(name: str) -> str:
@@ -60,8 +71,13 @@ def split_name(name: str) -> tuple[str, str]:
     head, below = first, ""
     if first not in GREEK and first not in _WORDS and len(first) > 1:
         greek = next((first[:k] for k in range(len(first) - 1, 1, -1) if first[:k] in GREEK), "")
-        tail = first[len(greek):] if greek else first[1:]
-        if tail.isdigit() or tail in _WORDS or (greek and len(tail) == 1) or (not greek and _is_index(first[0], tail)):
+        tail = first[len(greek) :] if greek else first[1:]
+        if (
+            tail.isdigit()
+            or tail in _WORDS
+            or (greek and len(tail) == 1)
+            or (not greek and _is_index(first[0], tail))
+        ):
             head, below = first[: len(first) - len(tail)], tail
         elif match := re.fullmatch(r"(\D{2,})(\d+)", first):  # mass2
             head, below = match.groups()
@@ -70,7 +86,11 @@ def split_name(name: str) -> tuple[str, str]:
 
 def _is_index(letter: str, tail: str) -> bool:
     """Vp, iL, Fs, kw, Hst, ktr are a letter with an index; gap and rod are words."""
-    return len(tail) == 1 or (len(tail) == 2 and not set(tail.lower()) & set("aeiouy")) or (len(tail) == 2 and letter.isupper() and tail.islower())
+    return (
+        len(tail) == 1
+        or (len(tail) == 2 and not set(tail.lower()) & set("aeiouy"))
+        or (len(tail) == 2 and letter.isupper() and tail.islower())
+    )
 
 
 def _spelled(name: str) -> str:
@@ -90,4 +110,8 @@ def _letter(part: str) -> str:
     part = _SHORT.get(part, part)
     if part in GREEK:
         return _VARIANT.get(part, f"\\{part}")
-    return part if len(part) == 1 or part.isdigit() or (len(part) == 2 and part[1].isdigit()) else f"\\mathrm{{{part}}}"
+    return (
+        part
+        if len(part) == 1 or part.isdigit() or (len(part) == 2 and part[1].isdigit())
+        else f"\\mathrm{{{part}}}"
+    )

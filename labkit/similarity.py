@@ -19,12 +19,26 @@ from numpy.typing import ArrayLike
 from .linear import E, borders, classify, eigenvalues, equilibrium, finite
 from .model import ModelError, listed, number
 
-__all__ = ["Review", "Similarity", "canonical", "check_design", "design", "matrix_a", "matrix_b", "reflection", "rotation"]
+__all__ = [
+    "Review",
+    "Similarity",
+    "canonical",
+    "check_design",
+    "design",
+    "matrix_a",
+    "matrix_b",
+    "reflection",
+    "rotation",
+]
 
 
 _NEEDS = {
-    "node": (2, "two different {sign} eigenvalues λ1, λ2"), "star": (1, "one {sign} number λ0"), "improper node": (1, "one {sign} number λ0"),
-    "spiral point": (2, "α {sign} and β not zero"), "saddle": (2, "one positive and one negative eigenvalue"), "centre": (1, "β not zero"),
+    "node": (2, "two different {sign} eigenvalues λ1, λ2"),
+    "star": (1, "one {sign} number λ0"),
+    "improper node": (1, "one {sign} number λ0"),
+    "spiral point": (2, "α {sign} and β not zero"),
+    "saddle": (2, "one positive and one negative eigenvalue"),
+    "centre": (1, "β not zero"),
 }
 
 
@@ -39,18 +53,37 @@ def canonical(kind: str, *numbers: float) -> np.ndarray:
     count, need = _NEEDS[base]
     need = need.format(sign="positive" if un else "negative")
     if len(numbers) != count:
-        raise ModelError(f"{_a(kind)} takes {count} number{'s' * (count > 1)} ({need}), not {len(numbers)}")
-    x, y = (number(value, f"a number of the {kind}") for value in (numbers if count == 2 else numbers * 2))
-    special = {"improper node": [[x, 0], [1, x]], "spiral point": [[x, y], [-y, x]], "centre": [[0, x], [-x, 0]]}
+        raise ModelError(
+            f"{_a(kind)} takes {count} number{'s' * (count > 1)} ({need}), not {len(numbers)}"
+        )
+    x, y = (
+        number(value, f"a number of the {kind}")
+        for value in (numbers if count == 2 else numbers * 2)
+    )
+    special = {
+        "improper node": [[x, 0], [1, x]],
+        "spiral point": [[x, y], [-y, x]],
+        "centre": [[0, x], [-x, 0]],
+    }
     Lambda = np.array(special.get(base, [[x, 0], [0, y]]), dtype=float)
     if (made := classify(Lambda)) != kind:
-        raise ModelError(f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; {_a(kind)} needs {need}")
+        raise ModelError(
+            f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; {_a(kind)} needs {need}"
+        )
     return Lambda
 
 
 def _kind(kind: str) -> str:
-    known = [*(f"{s}stable {k}" for k in _NEEDS if k not in ("saddle", "centre") for s in ("", "un")), "saddle", "centre"]
-    name = {"elliptic point": "centre", "stable spiral": "stable spiral point", "unstable spiral": "unstable spiral point"}.get(kind, kind)
+    known = [
+        *(f"{s}stable {k}" for k in _NEEDS if k not in ("saddle", "centre") for s in ("", "un")),
+        "saddle",
+        "centre",
+    ]
+    name = {
+        "elliptic point": "centre",
+        "stable spiral": "stable spiral point",
+        "unstable spiral": "unstable spiral point",
+    }.get(kind, kind)
     if name not in known:
         raise ModelError(f"there is no type {kind!r}; there are {listed(known)}")
     return name
@@ -72,8 +105,10 @@ def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
     u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
     d = float(u @ v)
     if abs(d) > 1e-12 * np.hypot(*u) * np.hypot(*v):
-        raise ModelError(f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the inverse of E + u vᵀ. "
-                         f"Take v = k (u2, −u1) with any k, or use matrix_b, which allows it")
+        raise ModelError(
+            f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the inverse of E + u vᵀ. "
+            f"Take v = k (u2, −u1) with any k, or use matrix_b, which allows it"
+        )
     return Similarity(E + np.outer(u, v), E - np.outer(u, v))
 
 
@@ -85,7 +120,9 @@ def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
     u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
     d = float(u @ v)
     if abs(1 + d) <= 1e-12 * (1 + np.hypot(*u) * np.hypot(*v)):
-        raise ModelError("matrix B needs (u, v) ≠ −1: at −1 it maps u to 0 and presses the whole plane flat on one line, so it has no inverse")
+        raise ModelError(
+            "matrix B needs (u, v) ≠ −1: at −1 it maps u to 0 and presses the whole plane flat on one line, so it has no inverse"
+        )
     return Similarity(E + np.outer(u, v), E - np.outer(u, v) / (1 + d))
 
 
@@ -106,7 +143,9 @@ def rotation(phi: float) -> Similarity:
     return Similarity(G, G.T)
 
 
-def design(Lambda: ArrayLike, similarity: Similarity, at: ArrayLike = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
+def design(
+    Lambda: ArrayLike, similarity: Similarity, at: ArrayLike = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
     """A, b = design(canonical("saddle", 1, -2), rotation(0.5), at=(1, 2)): A = S Λ S⁻¹ and b = −A s* put the equilibrium s* there."""
     A = similarity[0] @ finite(Lambda, (2, 2), "Lambda") @ similarity[1]
     return A, -A @ finite(at, (2,), "at")
@@ -130,21 +169,46 @@ class Review:
 
     def __repr__(self) -> str:
         lines = [f"{'✓' if good else '✗'} {text}" for good, text in self.remarks]
-        return "\n".join([*lines, "The task is met." if self.passed else "Not yet: mend the lines marked ✗."])
+        return "\n".join(
+            [*lines, "The task is met." if self.passed else "Not yet: mend the lines marked ✗."]
+        )
 
 
-def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, at: ArrayLike | None = None, tolerance: float = 1e-9) -> Review:
+def check_design(
+    A: ArrayLike,
+    b: ArrayLike,
+    S: ArrayLike,
+    kind: str,
+    by: str,
+    at: ArrayLike | None = None,
+    tolerance: float = 1e-9,
+) -> Review:
     """check_design(A, b, S, "stable node", "matrix A") -> Review: do A, b and S meet an assignment of part 1, and if not, why?
 
     Looks at the type of A, the equilibrium (and whether it lies `at` the wanted point), the form of S (`by` is "matrix A", "matrix B",
     "reflection" or "rotation") and whether S⁻¹ A S is the canonical form. Raises ModelError for input that is not 2 × 2 or a name that is unknown.
     """
-    A, b, S, kind = finite(A, (2, 2), "A"), finite(b, (2,), "b"), finite(S, (2, 2), "S"), _kind(kind)
+    A, b, S, kind = (
+        finite(A, (2, 2), "A"),
+        finite(b, (2,), "b"),
+        finite(S, (2, 2), "S"),
+        _kind(kind),
+    )
     if by not in ("matrix A", "matrix B", "reflection", "rotation"):
-        raise ModelError(f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', 'reflection', 'rotation'")
+        raise ModelError(
+            f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', 'reflection', 'rotation'"
+        )
     made = classify(A, tolerance)
-    values = ", ".join(f"{value:.4g}" if value.imag else f"{value.real:.4g}" for value in eigenvalues(A))
-    remarks = [(made == kind, f"type: {made} (eigenvalues {values})" + ("" if made == kind else f", but the task asks for: {kind}"))]
+    values = ", ".join(
+        f"{value:.4g}" if value.imag else f"{value.real:.4g}" for value in eigenvalues(A)
+    )
+    remarks = [
+        (
+            made == kind,
+            f"type: {made} (eigenvalues {values})"
+            + ("" if made == kind else f", but the task asks for: {kind}"),
+        )
+    ]
     try:
         rest = equilibrium(A, b)
         rest = np.where(np.abs(rest) < 1e-12 * np.abs(rest).max(), 0.0, rest)  # for the eye
@@ -159,9 +223,25 @@ def check_design(A: ArrayLike, b: ArrayLike, S: ArrayLike, kind: str, by: str, a
         L, other = np.linalg.solve(S, A @ S), S @ A @ np.linalg.inv(S)
         slack = 10 * tolerance * float(np.abs(A).max() + 1) * np.linalg.cond(S)
         fault = _not_canonical(L, kind, slack)
-        swapped = " (S A S⁻¹ is: S and S⁻¹ have changed places)" if fault and not _not_canonical(other, kind, slack) else ""
-        rows = "[[{:.4g}, {:.4g}], [{:.4g}, {:.4g}]]".format(*(np.where(np.abs(L) < slack, 0.0, L)).ravel())
-        remarks.append((not fault, f"S⁻¹ A S = {rows}" + (f" is not the canonical form: {fault}{swapped}" if fault else ", the canonical form")))
+        swapped = (
+            " (S A S⁻¹ is: S and S⁻¹ have changed places)"
+            if fault and not _not_canonical(other, kind, slack)
+            else ""
+        )
+        rows = "[[{:.4g}, {:.4g}], [{:.4g}, {:.4g}]]".format(
+            *(np.where(np.abs(L) < slack, 0.0, L)).ravel()
+        )
+        remarks.append(
+            (
+                not fault,
+                f"S⁻¹ A S = {rows}"
+                + (
+                    f" is not the canonical form: {fault}{swapped}"
+                    if fault
+                    else ", the canonical form"
+                ),
+            )
+        )
     return Review(tuple(remarks))
 
 
@@ -169,25 +249,42 @@ def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
     """Is S of the form that its name says? With S = E + u vᵀ the matrix S − E has determinant 0 and trace (u, v)."""
     N, slack = S - E, tolerance * max(1.0, float(np.abs(S).max())) ** 2
     d, rest = float(np.trace(N)), float(N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0])
-    note = " (S = E changes nothing: choose another one to see something)" if np.abs(N).max() <= slack else ""
+    note = (
+        " (S = E changes nothing: choose another one to see something)"
+        if np.abs(N).max() <= slack
+        else ""
+    )
     if by in ("reflection", "rotation"):
         if np.abs(S.T @ S - E).max() > slack:
-            return False, f"S is no {by}: its columns are not unit vectors at right angles, SᵀS = {np.round(S.T @ S, 4).tolist()}"
+            return (
+                False,
+                f"S is no {by}: its columns are not unit vectors at right angles, SᵀS = {np.round(S.T @ S, 4).tolist()}",
+            )
         turns = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0] > 0
-        return turns == (by == "rotation"), f"S is a {'rotation' if turns else 'reflection'} (det S = {1 if turns else -1})" + note
+        return turns == (
+            by == "rotation"
+        ), f"S is a {'rotation' if turns else 'reflection'} (det S = {1 if turns else -1})" + note
     if abs(rest) > slack:
         return False, f"S is not E + u vᵀ: S − E would have determinant 0, and has {rest:.4g}"
     if by == "matrix A":
         zero = abs(d) <= slack
-        return zero, f"S = E + u vᵀ with (u, v) = {0 if zero else d:.4g}" + (note if zero else ", which matrix A needs to be 0 (this is matrix B)")
-    return abs(1 + d) > slack, f"S = E + u vᵀ with d = (u, v) = {d:.4g}" + (note if abs(1 + d) > slack else ": no inverse exists")
+        return zero, f"S = E + u vᵀ with (u, v) = {0 if zero else d:.4g}" + (
+            note if zero else ", which matrix A needs to be 0 (this is matrix B)"
+        )
+    return abs(1 + d) > slack, f"S = E + u vᵀ with d = (u, v) = {d:.4g}" + (
+        note if abs(1 + d) > slack else ": no inverse exists"
+    )
 
 
 def _not_canonical(L: np.ndarray, kind: str, slack: float) -> str:
     """What is wrong with L as the canonical form of this kind; "" when nothing is."""
     (w, x), (y, z) = L.tolist()
     if "spiral" in kind or kind == "centre":
-        return "" if abs(w - z) <= slack and abs(x + y) <= slack else "it should read [[α, β], [−β, α]]"
+        return (
+            ""
+            if abs(w - z) <= slack and abs(x + y) <= slack
+            else "it should read [[α, β], [−β, α]]"
+        )
     if abs(x) > slack:
         return f"the upper right entry is {x:.4g} and should be 0"
     if "improper" in kind:

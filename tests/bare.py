@@ -1,7 +1,7 @@
 """A panel in a bare page: panel.js and panel.css as they are, the panel's other half in this process; no server, no kernel.
 
-    with open_browser() as browser, opened(browser, panel, ratio=2) as page: …
-    made_by("part3/06_dc_dc_converter")                  # the panels that a notebook makes
+with open_browser() as browser, opened(browser, panel, ratio=2) as page: …
+made_by("part3/06_dc_dc_converter")                  # the panels that a notebook makes
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ START = """async ([code, spec, first]) => {
 @contextlib.contextmanager
 def opened(browser, panel: Panel, ratio: float = 1.0, **options: object) -> Iterator:
     """The page, once it has painted the kernel's first picture; page.problems are errors that nobody caught, page.asked the messages."""
-    context = browser.new_context(device_scale_factor=ratio, viewport={"width": 1200, "height": 1000}, **options)
+    context = browser.new_context(
+        device_scale_factor=ratio, viewport={"width": 1200, "height": 1000}, **options
+    )
     page = context.new_page()
     page.problems, page.asked, answers = [], [], []
     page.on("pageerror", lambda error: page.problems.append(str(error)))
@@ -45,10 +47,21 @@ def opened(browser, panel: Panel, ratio: float = 1.0, **options: object) -> Iter
         content, buffers = answers.pop()
         return content, [base64.b64encode(buffer).decode() for buffer in buffers or []]
 
-    with mock.patch.object(panel, "send", lambda content, buffers=None: answers.append((content, buffers))):
+    with mock.patch.object(
+        panel, "send", lambda content, buffers=None: answers.append((content, buffers))
+    ):
         page.expose_function("ask", ask)
-        page.set_content(f"<style>{panel._css}</style><div style='height: 200px'></div><div id=panel></div><div style='height: 2000px'></div>")
-        page.evaluate(START, [str(panel._esm), json.loads(json.dumps(panel.spec)), base64.b64encode(panel.first).decode()])
+        page.set_content(
+            f"<style>{panel._css}</style><div style='height: 200px'></div><div id=panel></div><div style='height: 2000px'></div>"
+        )
+        page.evaluate(
+            START,
+            [
+                str(panel._esm),
+                json.loads(json.dumps(panel.spec)),
+                base64.b64encode(panel.first).decode(),
+            ],
+        )
         page.wait_for_function("() => document.querySelector('canvas').dataset.seq >= 1")
         yield page
         context.close()
@@ -69,7 +82,11 @@ def made_by(name: str) -> list[Panel]:
 
 def shown(page) -> np.ndarray:
     """The pixels of the canvas."""
-    return pixels(base64.b64decode(page.locator("canvas").evaluate("canvas => canvas.toDataURL('image/png').split(',')[1]")))
+    return pixels(
+        base64.b64decode(
+            page.locator("canvas").evaluate("canvas => canvas.toDataURL('image/png').split(',')[1]")
+        )
+    )
 
 
 def saved(panel: Panel) -> np.ndarray:
@@ -93,14 +110,29 @@ class Fingers:
         self.session = page.context.new_cdp_session(page)
 
     def __call__(self, kind, *places):
-        points = [{"x": self.box["x"] + x * self.box["width"], "y": self.box["y"] + y * self.box["height"], "id": k} for k, (x, y) in enumerate(places)]
-        self.session.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points})
+        points = [
+            {
+                "x": self.box["x"] + x * self.box["width"],
+                "y": self.box["y"] + y * self.box["height"],
+                "id": k,
+            }
+            for k, (x, y) in enumerate(places)
+        ]
+        self.session.send(
+            "Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points}
+        )
 
     def move(self, *ways, steps=10):
         """Each finger along its way, (from, to)."""
         self("Start", *(way[0] for way in ways))
         for k in range(1, steps + 1):
-            self("Move", *(tuple(np.array(way[0]) + (np.array(way[1]) - way[0]) * k / steps) for way in ways))
+            self(
+                "Move",
+                *(
+                    tuple(np.array(way[0]) + (np.array(way[1]) - way[0]) * k / steps)
+                    for way in ways
+                ),
+            )
             self.page.wait_for_timeout(20)
         self("End")
 

@@ -19,4 +19,6 @@ def browser():
         with open_browser() as browser:
             yield browser
     except LookupError as error:
-        pytest.fail(str(error)) if os.environ.get("CI", "").lower() == "true" else pytest.skip(str(error))
+        pytest.fail(str(error)) if os.environ.get("CI", "").lower() == "true" else pytest.skip(
+            str(error)
+        )

@@ -1,8 +1,8 @@
 """What several tests need of notebooks and browsers.
 
-    load("part3/00_sample_dry_friction")["system"]       the notebook's names after its code cells ran
-    run_cell("x = 1", "<a cell>", {})["x"]               the names after one cell's text ran
-    find_browser()                                       path of an installed Chrome, Chromium or Edge, or None
+load("part3/00_sample_dry_friction")["system"]       the notebook's names after its code cells ran
+run_cell("x = 1", "<a cell>", {})["x"]               the names after one cell's text ran
+find_browser()                                       path of an installed Chrome, Chromium or Edge, or None
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ from unittest import mock
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "notebooks"
-NOTEBOOKS = [str(path.relative_to(FOLDER).with_suffix("").as_posix()) for path in sorted(FOLDER.rglob("*.ipynb")) if ".ipynb_checkpoints" not in path.parts]
+NOTEBOOKS = [
+    str(path.relative_to(FOLDER).with_suffix("").as_posix())
+    for path in sorted(FOLDER.rglob("*.ipynb"))
+    if ".ipynb_checkpoints" not in path.parts
+]
 ASSIGNMENTS = [name for name in NOTEBOOKS if name.startswith(("part1/", "part2/", "part3/"))]
 CONCEPTS = [name for name in NOTEBOOKS if name.startswith("concepts/")]
 
@@ -33,7 +37,9 @@ def source(cell: dict) -> str:
 
 
 def code_cells(notebook: dict) -> list[dict]:
-    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code" and source(cell).strip()]
+    return [
+        cell for cell in notebook["cells"] if cell["cell_type"] == "code" and source(cell).strip()
+    ]
 
 
 @functools.cache
@@ -63,11 +69,33 @@ def run_cell(text: str, place: str, namespace: dict) -> dict:
 
 def find_browser() -> str | None:
     """find_browser() -> a Chromium-like browser of this computer: LABKIT_BROWSER, on the path, or in the usual places."""
-    names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge", "microsoft-edge", "microsoft-edge-stable")
+    names = (
+        "chromium",
+        "chromium-browser",
+        "google-chrome",
+        "google-chrome-stable",
+        "chrome",
+        "msedge",
+        "microsoft-edge",
+        "microsoft-edge-stable",
+    )
     if sys.platform == "darwin":
-        places = [f"/Applications/{name}.app/Contents/MacOS/{name}" for name in ("Google Chrome", "Chromium", "Microsoft Edge")]
+        places = [
+            f"/Applications/{name}.app/Contents/MacOS/{name}"
+            for name in ("Google Chrome", "Chromium", "Microsoft Edge")
+        ]
     else:
-        homes = [os.environ.get(key, "") for key in ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")]
-        places = [f"{home}/{rest}" for home in homes if home for rest in ("Google/Chrome/Application/chrome.exe", "Microsoft/Edge/Application/msedge.exe")]
+        homes = [
+            os.environ.get(key, "") for key in ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")
+        ]
+        places = [
+            f"{home}/{rest}"
+            for home in homes
+            if home
+            for rest in (
+                "Google/Chrome/Application/chrome.exe",
+                "Microsoft/Edge/Application/msedge.exe",
+            )
+        ]
     candidates = [os.environ.get("LABKIT_BROWSER"), *map(shutil.which, names), *places]
     return next((path for path in candidates if path and Path(path).exists()), None)

@@ -1,6 +1,6 @@
 """A JupyterLab over a folder of notebooks, started as `python -m labkit` starts it, and a browser: for tests and benchmarks.
 
-    with running_lab(folder) as lab, open_browser() as browser: …      # folder/notebooks holds the notebooks
+with running_lab(folder) as lab, open_browser() as browser: …      # folder/notebooks holds the notebooks
 """
 
 from __future__ import annotations
@@ -20,8 +20,17 @@ from labkit.__main__ import lab_command, lab_environment
 
 from .helpers import ROOT, find_browser
 
-FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
-KERNEL = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}}
+FLAGS = [
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+KERNEL = {
+    "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+}
 # Two small notebooks: a panel, and all that hands can do.
 CELLS = [
     """\
@@ -66,11 +75,17 @@ class Lab:
                 return
             except OSError:
                 if server.poll() is not None or time.monotonic() - begin > 90:
-                    raise AssertionError("JupyterLab did not start:\n" + (folder.parent / "server.log").read_text()) from None
+                    raise AssertionError(
+                        "JupyterLab did not start:\n" + (folder.parent / "server.log").read_text()
+                    ) from None
                 time.sleep(0.2)
 
     def ask(self, path: str, method: str = "GET"):
-        request = urllib.request.Request(f"{self.address}/{path}", method=method, headers={"Authorization": f"token {self.token}"})
+        request = urllib.request.Request(
+            f"{self.address}/{path}",
+            method=method,
+            headers={"Authorization": f"token {self.token}"},
+        )
         with urllib.request.urlopen(request, timeout=30) as answer:
             return json.loads(answer.read() or "null")
 
@@ -82,8 +97,21 @@ class Lab:
         return json.loads((self.folder / f"{name}.ipynb").read_text(encoding="utf-8"))
 
     def write(self, name: str, cells: list[str]) -> None:
-        made = [{"cell_type": "code", "id": f"c{k}", "metadata": {}, "execution_count": None, "outputs": [], "source": text} for k, text in enumerate(cells)]
-        (self.folder / f"{name}.ipynb").write_text(json.dumps({"cells": made, "metadata": KERNEL, "nbformat": 4, "nbformat_minor": 5}), encoding="utf-8")
+        made = [
+            {
+                "cell_type": "code",
+                "id": f"c{k}",
+                "metadata": {},
+                "execution_count": None,
+                "outputs": [],
+                "source": text,
+            }
+            for k, text in enumerate(cells)
+        ]
+        (self.folder / f"{name}.ipynb").write_text(
+            json.dumps({"cells": made, "metadata": KERNEL, "nbformat": 4, "nbformat_minor": 5}),
+            encoding="utf-8",
+        )
 
 
 @contextlib.contextmanager
@@ -93,10 +121,31 @@ def running_lab(folder: Path) -> Iterator[Lab]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     token = secrets.token_hex(16)
-    own = {f"JUPYTER{key}": str(folder / "settings" / key.lower()) for key in ("_CONFIG_DIR", "_DATA_DIR", "LAB_WORKSPACES_DIR", "LAB_SETTINGS_DIR")}
-    environment = lab_environment() | own | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])), "LABKIT_CHECK": "0"}
-    command = lab_command("--no-browser", f"--ServerApp.port={port}", "--ServerApp.port_retries=0", f"--IdentityProvider.token={token}", folder=folder)
-    with open(folder / "server.log", "w") as log, subprocess.Popen(command, env=environment, cwd=folder, stdout=log, stderr=subprocess.STDOUT) as server:
+    own = {
+        f"JUPYTER{key}": str(folder / "settings" / key.lower())
+        for key in ("_CONFIG_DIR", "_DATA_DIR", "LAB_WORKSPACES_DIR", "LAB_SETTINGS_DIR")
+    }
+    environment = (
+        lab_environment()
+        | own
+        | {
+            "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
+            "LABKIT_CHECK": "0",
+        }
+    )
+    command = lab_command(
+        "--no-browser",
+        f"--ServerApp.port={port}",
+        "--ServerApp.port_retries=0",
+        f"--IdentityProvider.token={token}",
+        folder=folder,
+    )
+    with (
+        open(folder / "server.log", "w") as log,
+        subprocess.Popen(
+            command, env=environment, cwd=folder, stdout=log, stderr=subprocess.STDOUT
+        ) as server,
+    ):
         try:
             yield Lab(f"http://127.0.0.1:{port}", token, folder / "notebooks", server)
         finally:
@@ -108,10 +157,14 @@ def open_browser(*more: str) -> Iterator:
     """A headless browser of this computer, with more flags if need be. Raises LookupError when there is none."""
     path = find_browser()
     if path is None:
-        raise LookupError("no Chrome, Chromium or Edge found: install one, or say where it is by LABKIT_BROWSER")
+        raise LookupError(
+            "no Chrome, Chromium or Edge found: install one, or say where it is by LABKIT_BROWSER"
+        )
     from playwright.sync_api import sync_playwright
 
-    flags = [*FLAGS, *more] + (["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])
+    flags = [*FLAGS, *more] + (
+        ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    )
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=path, args=flags)
         yield opened
@@ -119,12 +172,17 @@ def open_browser(*more: str) -> Iterator:
 
 
 def open_notebook(page, lab: Lab, name: str) -> None:
-    place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"  # labkit's Lab opens on the start page
+    place = (
+        "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"
+    )  # labkit's Lab opens on the start page
     page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
     # The indicator at the top says idle before there is a kernel, and Lab then drops what it is told to run; the bar at the bottom knows.
     page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle").wait_for()
-    assert page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
+    assert (
+        page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip()
+        == f"{name.rpartition('/')[2]}.ipynb"
+    )
 
 
 def run_all(page) -> None:
@@ -132,8 +190,11 @@ def run_all(page) -> None:
     for menu, entry in (("Edit", "Clear Outputs of All Cells"), ("Run", "Run All Cells")):
         page.locator(".lm-MenuBar-item", has_text=menu).click()
         page.get_by_text(entry, exact=True).click()
-    page.wait_for_function("""() => {
+    page.wait_for_function(
+        """() => {
         const prompts = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].map((cell) => [cell.querySelector('.cm-content'), cell.querySelector('.jp-InputPrompt')]);
         return prompts.length && prompts.every(([text, prompt]) => (text && prompt && !text.textContent.trim()) || /\\[\\d+\\]/.test(prompt?.textContent));
-    }""", timeout=180_000)
+    }""",
+        timeout=180_000,
+    )
     page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")

@@ -12,7 +12,6 @@ from .benchmarks.latency import SETUP
 from .helpers import run_cell
 from .lab import CELLS, HANDS
 
-
 # ---- fidelity: mean difference ≤ 0.7 of 255, and ≤ 0.3 % of the pixels off by more than 32
 
 
@@ -22,11 +21,15 @@ def like_what_is_saved(browser, panel, ratio):
         mine, theirs = shown(page), saved(panel)
     assert mine.shape == theirs.shape
     off = np.abs(mine - theirs)
-    print(f"{panel.title}, ratio {ratio}: mean {off.mean():.3f}, {100 * (off.max(axis=2) > 32).mean():.3f} % far off")
+    print(
+        f"{panel.title}, ratio {ratio}: mean {off.mean():.3f}, {100 * (off.max(axis=2) > 32).mean():.3f} % far off"
+    )
     assert (theirs < 100).any() and off.mean() <= 0.7 and (off.max(axis=2) > 32).mean() <= 0.003
 
 
-@pytest.mark.parametrize("name", ["part3/06_dc_dc_converter", "part3/00_sample_dry_friction", "concepts/linear_systems"])
+@pytest.mark.parametrize(
+    "name", ["part3/06_dc_dc_converter", "part3/00_sample_dry_friction", "concepts/linear_systems"]
+)
 def test_the_canvas_shows_what_matplotlib_saves(browser, name):
     panels = made_by(name)
     assert panels
@@ -35,7 +38,9 @@ def test_the_canvas_shows_what_matplotlib_saves(browser, name):
             like_what_is_saved(browser, panel, ratio)
 
 
-def test_the_canvas_shows_what_matplotlib_saves_of_the_benchmarks_load(browser, tmp_path, monkeypatch):
+def test_the_canvas_shows_what_matplotlib_saves_of_the_benchmarks_load(
+    browser, tmp_path, monkeypatch
+):
     """2 curves, 40 trajectories of 300 points, 400 arrows."""
     monkeypatch.chdir(tmp_path)
     names = run_cell(SETUP, "<the benchmark>", {})
@@ -51,7 +56,9 @@ def test_the_canvas_shows_what_matplotlib_saves_of_the_benchmarks_load(browser, 
 def hands():
     """The panel of tests/lab.py that all hands can move."""
     names = run_cell(CELLS[0], "<the lab's first cell>", {})
-    return run_cell(HANDS.replace("explore(", "panel = explore("), "<the lab's hands>", names)["panel"]
+    return run_cell(HANDS.replace("explore(", "panel = explore("), "<the lab's hands>", names)[
+        "panel"
+    ]
 
 
 def until(page, check, seconds=60):
@@ -76,20 +83,36 @@ def test_two_fingers_zoom_the_axes_they_are_on(browser, hands):
     with opened(browser, hands, 2, has_touch=True) as page:
         plane = hands.figure.axes[2]
         before, top = (plane.get_xlim(), plane.get_ylim()), page.evaluate("scrollY")
-        Fingers(page).move((inside(hands, 2, 0.4, 0.6), inside(hands, 2, 0.2, 0.8)), (inside(hands, 2, 0.6, 0.4), inside(hands, 2, 0.8, 0.2)))
+        Fingers(page).move(
+            (inside(hands, 2, 0.4, 0.6), inside(hands, 2, 0.2, 0.8)),
+            (inside(hands, 2, 0.6, 0.4), inside(hands, 2, 0.8, 0.2)),
+        )
         assert until(page, lambda: "limits" in kinds(page) and plane.get_xlim()[1] < 1)
-        assert np.ptp(plane.get_xlim()) == pytest.approx(np.ptp(before[0]) / 3, rel=0.05)  # the fingers are three times as far apart
-        assert np.mean(plane.get_xlim()) == pytest.approx(0, abs=0.1) and np.ptp(plane.get_ylim()) == pytest.approx(np.ptp(before[1]) / 3, rel=0.05)
-        assert page.evaluate("scrollY") == top and page.evaluate("visualViewport.scale") == 1 and page.problems == []
+        assert np.ptp(plane.get_xlim()) == pytest.approx(
+            np.ptp(before[0]) / 3, rel=0.05
+        )  # the fingers are three times as far apart
+        assert np.mean(plane.get_xlim()) == pytest.approx(0, abs=0.1) and np.ptp(
+            plane.get_ylim()
+        ) == pytest.approx(np.ptp(before[1]) / 3, rel=0.05)
+        assert (
+            page.evaluate("scrollY") == top
+            and page.evaluate("visualViewport.scale") == 1
+            and page.problems == []
+        )
         assert not {"start", "drag"} & set(kinds(page))
 
 
 def test_a_finger_drags_the_ring_also_up_and_down_before_the_picture_has_the_focus(browser, hands):
     with opened(browser, hands, 2, has_touch=True) as page:
-        ring, there = inside(hands, 2, 0.75, 0.5), inside(hands, 2, 0.7, 0.75)  # (1, 0) in [−2, 2] × [−4, 4]
+        ring, there = (
+            inside(hands, 2, 0.75, 0.5),
+            inside(hands, 2, 0.7, 0.75),
+        )  # (1, 0) in [−2, 2] × [−4, 4]
         Fingers(page).move((ring, there))
         assert until(page, lambda: page.asked[-1]["kind"] == "drag" and page.asked[-1]["settled"])
-        assert hands.run.start["x"] == pytest.approx(0.8, abs=0.02) and hands.run.start["v"] == pytest.approx(2, abs=0.04)
+        assert hands.run.start["x"] == pytest.approx(0.8, abs=0.02) and hands.run.start[
+            "v"
+        ] == pytest.approx(2, abs=0.04)
         assert page.evaluate("scrollY") == 0 and "start" not in kinds(page) and page.problems == []
 
 
@@ -98,17 +121,34 @@ def test_a_tap_starts_a_trajectory_and_one_on_a_time_plot_pins_the_cursor(browse
         fingers = Fingers(page)
         fingers.tap(inside(hands, 2, 0.9, 0.9))
         assert until(page, lambda: len(hands.begun) == 1)
-        assert hands.begun[0] == {"x": pytest.approx(1.6, abs=0.02), "v": pytest.approx(3.2, abs=0.04)}
+        assert hands.begun[0] == {
+            "x": pytest.approx(1.6, abs=0.02),
+            "v": pytest.approx(3.2, abs=0.04),
+        }
         fingers.tap(inside(hands, 0, 0.4, 0.5))
-        assert until(page, lambda: hands.t is not None) and hands.t == pytest.approx(4, abs=0.05) and len(hands.begun) == 1
+        assert (
+            until(page, lambda: hands.t is not None)
+            and hands.t == pytest.approx(4, abs=0.05)
+            and len(hands.begun) == 1
+        )
 
 
 def test_the_page_scrolls_under_a_finger_beside_the_picture_and_over_it(browser, hands):
     with opened(browser, hands, 2, has_touch=True) as page:
         limits = [(axes.get_xlim(), axes.get_ylim()) for axes in hands.figure.axes]
-        for begin, over in ((-0.2, False), (0.8, True), (0.8, True)):  # twice over the picture: the first time leaves nothing that catches the second
+        for begin, over in (
+            (-0.2, False),
+            (0.8, True),
+            (0.8, True),
+        ):  # twice over the picture: the first time leaves nothing that catches the second
             fingers, before = Fingers(page), page.evaluate("scrollY")
-            assert page.evaluate("place => document.elementFromPoint(...place).tagName === 'CANVAS'", [fingers.box["x"] + 600, fingers.box["y"] + begin * fingers.box["height"]]) is over
+            assert (
+                page.evaluate(
+                    "place => document.elementFromPoint(...place).tagName === 'CANVAS'",
+                    [fingers.box["x"] + 600, fingers.box["y"] + begin * fingers.box["height"]],
+                )
+                is over
+            )
             fingers.move(((0.75, begin), (0.75, begin - 0.3)))
             assert until(page, lambda before=before: page.evaluate("scrollY") > before + 30), begin
         page.wait_for_timeout(500)

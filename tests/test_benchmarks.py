@@ -20,7 +20,9 @@ def answer(problem, **options):
 @pytest.mark.parametrize("backend", ["compiled", "plain"])
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_end_state_and_every_event(name, backend):
-    error, missed, invented = judge(PROBLEMS[name], answer(PROBLEMS[name], rtol=1e-12, atol=1e-12, backend=backend))
+    error, missed, invented = judge(
+        PROBLEMS[name], answer(PROBLEMS[name], rtol=1e-12, atol=1e-12, backend=backend)
+    )
     assert error <= TIGHT[name] and missed == invented == 0
 
 
@@ -28,7 +30,12 @@ def test_end_state_and_every_event(name, backend):
 def test_instants_of_the_reference(name):
     """The references' own instants, by another way than judge."""
     problem = PROBLEMS[name]
-    found = [event.t for event in simulate(problem.system, problem.t_end, rtol=1e-12, atol=1e-12, points=2).events]
+    found = [
+        event.t
+        for event in simulate(
+            problem.system, problem.t_end, rtol=1e-12, atol=1e-12, points=2
+        ).events
+    ]
     assert np.abs(np.array(found) - problem.reference()[0]).max() < 1e-9
 
 
@@ -45,7 +52,11 @@ def test_the_judge_sees_what_is_wrong():
     problem = PROBLEMS["relay"]
     instants, state = problem.reference()
     assert judge(problem, Answer(state, instants)) == (0.0, 0, 0)
-    assert judge(problem, Answer((state[0] + 1e-3, state[1]), instants)) == (pytest.approx(1e-3), 0, 0)
+    assert judge(problem, Answer((state[0] + 1e-3, state[1]), instants)) == (
+        pytest.approx(1e-3),
+        0,
+        0,
+    )
     assert judge(problem, Answer(state, instants[1:])) == (0.0, 1, 0)
     assert judge(problem, Answer(state, [*instants, instants[3] + 0.01])) == (0.0, 0, 1)
     assert judge(problem, Answer((np.nan, 0.0), []))[:2] == (np.inf, len(instants))

@@ -25,7 +25,9 @@ def names():
 def test_the_recipe_reaches_the_canonical_form_of_any_matrix(entries):
     A = np.array(entries).reshape(2, 2)
     far = borders(A)
-    assume(far["equal eigenvalues"] < 1e-12 or far["equal eigenvalues"] > 1e-4)  # beside the border S is nearly singular, as the text says
+    assume(
+        far["equal eigenvalues"] < 1e-12 or far["equal eigenvalues"] > 1e-4
+    )  # beside the border S is nearly singular, as the text says
     S, Lambda = load(NAME)["reduce"](A)
     size = max(1.0, np.abs(A).max() * np.abs(S).max())
     assert np.abs(A @ S - S @ Lambda).max() < 1e-7 * size
@@ -36,11 +38,18 @@ def test_the_recipe_reaches_the_canonical_form_of_any_matrix(entries):
 
 def test_the_family_has_its_trace_and_determinant_and_reaches_all_but_stars(names):
     rng = np.random.default_rng(0)
-    for T, D, m in zip(rng.uniform(-8, 8, 50), rng.uniform(-16, 32, 50), rng.uniform(0.25, 3, 50), strict=True):
+    for T, D, m in zip(
+        rng.uniform(-8, 8, 50), rng.uniform(-16, 32, 50), rng.uniform(0.25, 3, 50), strict=True
+    ):
         A, b = affine(names["system"], names["system"].values({"trace": T, "det": D, "m": m}))
-        assert (np.trace(A), np.linalg.det(A)) == (pytest.approx(T), pytest.approx(D, abs=1e-9)) and not b.any()
-        assert A == pytest.approx(names["matrix"](T, D, m)) and not classify(A).endswith("star")
-    for A in rng.normal(size=(50, 2, 2)):  # a turn makes the diagonal equal, by the formula of the text
+        assert (np.trace(A), np.linalg.det(A)) == (
+            pytest.approx(T),
+            pytest.approx(D, abs=1e-9),
+        ) and not b.any()
+        assert pytest.approx(names["matrix"](T, D, m)) == A and not classify(A).endswith("star")
+    for A in rng.normal(
+        size=(50, 2, 2)
+    ):  # a turn makes the diagonal equal, by the formula of the text
         (a, b), (c, d) = A
         angle = np.arctan2(-(a - d), b + c) / 2
         G = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -50,28 +59,61 @@ def test_the_family_has_its_trace_and_determinant_and_reaches_all_but_stars(name
 
 def test_the_solution_by_hand_is_the_exponential(names):
     t = np.linspace(0, 2, 5)
-    for A in ([[1, 2], [3, 2]], [[1, -1], [1, 3]], [[-1, -2], [2, 1]], [[-2, 0], [0, -2]], [[0, 1], [0, 0]], [[-1, 2], [-3, -2]]):
+    for A in (
+        [[1, 2], [3, 2]],
+        [[1, -1], [1, 3]],
+        [[-1, -2], [2, 1]],
+        [[-2, 0], [0, -2]],
+        [[0, 1], [0, 0]],
+        [[-1, 2], [-3, -2]],
+    ):
         right = np.array([expm(np.array(A, float) * now) @ (0.3, -0.8) for now in t]).T
-        assert names["by_hand"](np.array(A, float), (0.3, -0.8), t) == pytest.approx(right, abs=1e-9)
+        assert names["by_hand"](np.array(A, float), (0.3, -0.8), t) == pytest.approx(
+            right, abs=1e-9
+        )
 
 
-@pytest.mark.parametrize("T, D, border", [(-1, 2.25, "tr A = 0"), (-3, 2.2, "equal eigenvalues"), (-4, 0.3, "det A = 0"), (0, -1, "det A = 0"), (0, 1, "tr A = 0")])
+@pytest.mark.parametrize(
+    "T, D, border",
+    [
+        (-1, 2.25, "tr A = 0"),
+        (-3, 2.2, "equal eigenvalues"),
+        (-4, 0.3, "det A = 0"),
+        (0, -1, "det A = 0"),
+        (0, 1, "tr A = 0"),
+    ],
+)
 def test_the_nearest_border_is_one_that_the_type_has(names, T, D, border):
     A = names["matrix"](T, D)
     assert names["named"](A) == (border, borders(A)[border])
 
 
-@pytest.mark.parametrize("A", [[[0, 0], [0, 0]], [[0, 1], [0, 0]], [[-1, 1], [1, -1]], [[-1, 1e-7], [1e-7, 0]], [[2, 1], [0, 2]], [[-1, 300], [-1e-3, -1]]])
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[0, 0], [0, 0]],
+        [[0, 1], [0, 0]],
+        [[-1, 1], [1, -1]],
+        [[-1, 1e-7], [1e-7, 0]],
+        [[2, 1], [0, 2]],
+        [[-1, 300], [-1e-3, -1]],
+    ],
+)
 def test_flow_lines_solve_the_equation_also_where_a_is_singular(A):
     """Neighbours on a line are joined by a motion along A y; heads stand at the points, and there are none where all is at rest."""
     A = np.array(A, float)
     lines, points = flow_lines(A, 4.0)
     pieces = lines.reshape(len(points), -1, 2)[:, :-1]
-    assert np.isfinite(pieces).all(axis=2).any(axis=1).all() and len(pieces) >= 6  # none is outside the picture all the way
+    assert (
+        np.isfinite(pieces).all(axis=2).any(axis=1).all() and len(pieces) >= 6
+    )  # none is outside the picture all the way
     with np.errstate(invalid="ignore"):
         middle, way = (pieces[:, 1:] + pieces[:, :-1]) / 2, np.diff(pieces, axis=1)
         speed = middle @ A.T
-        sine = np.abs(way[..., 0] * speed[..., 1] - way[..., 1] * speed[..., 0]) / (np.hypot(*way.T) * np.hypot(*speed.T)).T
+        sine = (
+            np.abs(way[..., 0] * speed[..., 1] - way[..., 1] * speed[..., 0])
+            / (np.hypot(*way.T) * np.hypot(*speed.T)).T
+        )
         small = np.hypot(*way.T).T < 0.05
     assert not np.any(sine[small & (np.hypot(*speed.T).T > 1e-6)] > 0.1)
     heads = arrow_heads(points, points @ A.T, 0.2).reshape(len(points), 4, 2)
@@ -92,7 +134,17 @@ class Hand:
     def drag(self, handle, x, y):
         made = self.panel.handles[handle]
         px, py = made.axes.transData.transform((x, y))
-        self.panel._handle_custom_msg({"kind": "drag", "seq": 1, "view": "here", "handle": handle, "x": px, "y": self.panel.scene.recorder.height - py}, [])
+        self.panel._handle_custom_msg(
+            {
+                "kind": "drag",
+                "seq": 1,
+                "view": "here",
+                "handle": handle,
+                "x": px,
+                "y": self.panel.scene.recorder.height - py,
+            },
+            [],
+        )
         assert self.answers[-1]["kind"] == "picture", self.answers[-1]
         return self.answers[-1]["verdict"]
 
@@ -107,17 +159,42 @@ def portrait(hand, names):
 @pytest.fixture
 def chart(names, monkeypatch):
     monkeypatch.delenv("LABKIT_CHECK", raising=False)
-    return Hand(explore(names["system"], names["horizon"], names["draw_map"], verdict=names["verdict"], method=False, sliders={"trace": False, "det": False}))
+    return Hand(
+        explore(
+            names["system"],
+            names["horizon"],
+            names["draw_map"],
+            verdict=names["verdict"],
+            method=False,
+            sliders={"trace": False, "det": False},
+        )
+    )
 
 
-@pytest.mark.parametrize("place, kind", [((-3.0, 1.0), "stable node"), ((2.0, 4.0), "unstable spiral point"), ((0.03, 3.0), "centre"), ((-3.01, 2.21), "stable improper node"),
-                                         ((1.0, -2.5), "saddle"), ((-2.0, 0.03), "degenerate (line of equilibria)"), ((0.0, 0.0), "degenerate (line of equilibria)")])
+@pytest.mark.parametrize(
+    "place, kind",
+    [
+        ((-3.0, 1.0), "stable node"),
+        ((2.0, 4.0), "unstable spiral point"),
+        ((0.03, 3.0), "centre"),
+        ((-3.01, 2.21), "stable improper node"),
+        ((1.0, -2.5), "saddle"),
+        ((-2.0, 0.03), "degenerate (line of equilibria)"),
+        ((0.0, 0.0), "degenerate (line of equilibria)"),
+    ],
+)
 def test_the_dot_on_the_map_sets_the_system_and_the_portrait_follows(chart, names, place, kind):
     before = portrait(chart, names).lines.get_xydata().copy()
     words = chart.drag(0, *place)
     A, _ = affine(names["system"], chart.panel.run.p)
-    assert classify(A) == kind and f": {kind};" in words and portrait(chart, names).words.get_text() == kind
-    assert [np.trace(A), np.linalg.det(A)] == pytest.approx(place, abs=0.09) and chart.places()[0] == pytest.approx(complex(np.trace(A), np.linalg.det(A)), abs=1e-9)
+    assert (
+        classify(A) == kind
+        and f": {kind};" in words
+        and portrait(chart, names).words.get_text() == kind
+    )
+    assert [np.trace(A), np.linalg.det(A)] == pytest.approx(place, abs=0.09) and chart.places()[
+        0
+    ] == pytest.approx(complex(np.trace(A), np.linalg.det(A)), abs=1e-9)
     after = portrait(chart, names).lines.get_xydata()
     assert after.shape != before.shape or np.nanmax(np.abs(after - before)) > 0.1
     assert after == pytest.approx(flow_lines(A, 4.0)[0], nan_ok=True)
@@ -139,7 +216,11 @@ def test_on_a_line_of_equilibria_the_line_is_drawn_and_the_run_ends_on_it(chart,
     view, run = portrait(chart, names), chart.panel.run
     A, _ = affine(names["system"], run.p)
     line = view.rest.get_xydata()
-    assert np.ptp(line[:, 0]) > 50 and A @ line.T == pytest.approx(0, abs=1e-12) and A @ list(run.final.values()) == pytest.approx(0, abs=1e-6)
+    assert (
+        np.ptp(line[:, 0]) > 50
+        and pytest.approx(0, abs=1e-12) == A @ line.T
+        and A @ list(run.final.values()) == pytest.approx(0, abs=1e-6)
+    )
     chart.drag(0, -2.0, 0.8)
     assert len(set(map(tuple, view.rest.get_xydata()))) == 1
 
@@ -147,18 +228,35 @@ def test_on_a_line_of_equilibria_the_line_is_drawn_and_the_run_ends_on_it(chart,
 @pytest.fixture
 def rings(names, monkeypatch):
     monkeypatch.delenv("LABKIT_CHECK", raising=False)
-    return Hand(explore(names["system"], names["horizon"], names["draw_spectrum"], verdict=names["verdict"], method=False, trace=-1.0, det=2.25,
-                        sliders={"trace": False, "det": False}))
+    return Hand(
+        explore(
+            names["system"],
+            names["horizon"],
+            names["draw_spectrum"],
+            verdict=names["verdict"],
+            method=False,
+            trace=-1.0,
+            det=2.25,
+            sliders={"trace": False, "det": False},
+        )
+    )
 
 
 def test_a_pair_moves_as_mirror_images_and_the_matrix_follows(rings, names):
     rings.drag(0, -0.5, 2.0)
     assert rings.places()[:2] == pytest.approx([-0.5 + 2j, -0.5 - 2j])
     words = rings.drag(1, 0.75, -1.0)
-    assert rings.places()[:2] == pytest.approx([0.75 + 1j, 0.75 - 1j]) and "unstable spiral point" in words
+    assert (
+        rings.places()[:2] == pytest.approx([0.75 + 1j, 0.75 - 1j])
+        and "unstable spiral point" in words
+    )
     A, _ = affine(names["system"], rings.panel.run.p)
-    assert sorted(np.linalg.eigvals(A), key=lambda value: value.imag) == pytest.approx([0.75 - 1j, 0.75 + 1j])
-    text = next(view for view in rings.panel.view.views if isinstance(view, names["Formulas"])).text.get_text()
+    assert sorted(np.linalg.eigvals(A), key=lambda value: value.imag) == pytest.approx(
+        [0.75 - 1j, 0.75 + 1j]
+    )
+    text = next(
+        view for view in rings.panel.view.views if isinstance(view, names["Formulas"])
+    ).text.get_text()
     assert "x' =  0.75 x + 1.00 y" in text and "y' = −1.00 x + 0.75 y" in text
 
 
@@ -187,4 +285,6 @@ def test_two_tanks_against_the_closed_form(names):
     k, b = 0.7, 0.3
     run = simulate(names["tanks"], 5.0, k=k, tap=b, rtol=1e-11, atol=1e-13)
     assert run["x"] + run["y"] == pytest.approx(5 + b * run.t, abs=1e-9)
-    assert run["x"] - run["y"] == pytest.approx(b / (2 * k) + (3 - b / (2 * k)) * np.exp(-2 * k * run.t), abs=1e-9)
+    assert run["x"] - run["y"] == pytest.approx(
+        b / (2 * k) + (3 - b / (2 * k)) * np.exp(-2 * k * run.t), abs=1e-9
+    )

@@ -12,7 +12,27 @@ from labkit.notebooks import WIDGET, found
 
 # The handbook's table 5.1, row by row.
 PART_1 = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12] * 2 + [1, 2, 3, 4, 5, 6]
-PART_2 = (["1.a", "1.b", "1.c", "1.d", "1.e", "1.f", "1.g", "1.h", "1.i", "1.j", "2.a", "2.b", "2.c", "2.d", "2.e", "2.f"] * 2)[:30]
+PART_2 = (
+    [
+        "1.a",
+        "1.b",
+        "1.c",
+        "1.d",
+        "1.e",
+        "1.f",
+        "1.g",
+        "1.h",
+        "1.i",
+        "1.j",
+        "2.a",
+        "2.b",
+        "2.c",
+        "2.d",
+        "2.e",
+        "2.f",
+    ]
+    * 2
+)[:30]
 PART_3 = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15] * 2
 
 
@@ -20,17 +40,35 @@ PART_3 = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15] * 2
 def folder(tmp_path, monkeypatch):
     """A notebooks folder of its own, with two notebooks in it."""
     monkeypatch.setattr(course, "HOME", tmp_path)
-    for name, lines in {"part3/06_dc_dc_converter": ["# Boost"], "part2/my_own": ["text\n", "## My <own> relay"], "part1/.ipynb_checkpoints/x": []}.items():
+    for name, lines in {
+        "part3/06_dc_dc_converter": ["# Boost"],
+        "part2/my_own": ["text\n", "## My <own> relay"],
+        "part1/.ipynb_checkpoints/x": [],
+    }.items():
         path = tmp_path / f"{name}.ipynb"
         path.parent.mkdir(parents=True)
-        path.write_text(json.dumps({"cells": [{"cell_type": "code", "source": ["# no heading"]}, {"cell_type": "markdown", "source": lines}]}), encoding="utf-8")
+        path.write_text(
+            json.dumps(
+                {
+                    "cells": [
+                        {"cell_type": "code", "source": ["# no heading"]},
+                        {"cell_type": "markdown", "source": lines},
+                    ]
+                }
+            ),
+            encoding="utf-8",
+        )
     return tmp_path
 
 
 def test_table_of_the_handbook():
     for n in range(1, 31):
         one, two, three = project(n).assignments
-        assert (int(one.name), two.name, int(three.name)) == (PART_1[n - 1], PART_2[n - 1], PART_3[n - 1])
+        assert (int(one.name), two.name, int(three.name)) == (
+            PART_1[n - 1],
+            PART_2[n - 1],
+            PART_3[n - 1],
+        )
         assert (one.part, two.part, three.part) == (1, 2, 3)
     assert [a.name for a in project(13).assignments] == ["1", "2.c", "13"]
     assert [a.name for a in project(30).assignments] == ["6", "2.d", "15"]
@@ -47,14 +85,30 @@ def test_there_is_no_such_project(wrong):
 
 def test_every_assignment_is_there_once():
     assert len([a for a in ASSIGNMENTS if a.name[0].isdigit()]) == 12 + 16 + 15
-    assert len({a.path for a in ASSIGNMENTS}) == len({(a.part, a.name) for a in ASSIGNMENTS}) == len(ASSIGNMENTS) == 53
+    assert (
+        len({a.path for a in ASSIGNMENTS})
+        == len({(a.part, a.name) for a in ASSIGNMENTS})
+        == len(ASSIGNMENTS)
+        == 53
+    )
     for a in ASSIGNMENTS:
         folder, name = a.path.split("/")
-        assert folder == (f"part{a.part}" if a.part else "concepts") and name == name.lower() and name.isascii()
+        assert (
+            folder == (f"part{a.part}" if a.part else "concepts")
+            and name == name.lower()
+            and name.isascii()
+        )
         assert a.title and a.task.endswith(".") and len(a.task) > 40
         if a.name[0].isdigit():
-            assert name.startswith(f"{int(a.name):02}_" if a.name.isdigit() else f"{a.name[0]}{a.name[2]}_")
-    assert {"part1/12_unstable_node_rotation", "part2/1b_relay_hysteresis", "part3/06_dc_dc_converter", "part3/00_sample_dry_friction"} <= {a.path for a in ASSIGNMENTS}
+            assert name.startswith(
+                f"{int(a.name):02}_" if a.name.isdigit() else f"{a.name[0]}{a.name[2]}_"
+            )
+    assert {
+        "part1/12_unstable_node_rotation",
+        "part2/1b_relay_hysteresis",
+        "part3/06_dc_dc_converter",
+        "part3/00_sample_dry_friction",
+    } <= {a.path for a in ASSIGNMENTS}
 
 
 def test_assignment():
@@ -62,7 +116,12 @@ def test_assignment():
     assert assignment(3, 6).path == "part3/06_dc_dc_converter" == assignment(3, "6").path
     assert assignment(1, "sample").path == "part1/00_sample_stable_spiral"
     assert assignment(3, 6).notebook == HOME / "part3" / "06_dc_dc_converter.ipynb"
-    for part, name, words in ((4, 1, "no part 4: the course has"), ("1", 1, "no part '1'"), (1, 13, "part 1 has no assignment 13; it has 'sample', '1'"), (2, "3.a", "no assignment '3.a'")):
+    for part, name, words in (
+        (4, 1, "no part 4: the course has"),
+        ("1", 1, "no part '1'"),
+        (1, 13, "part 1 has no assignment 13; it has 'sample', '1'"),
+        (2, "3.a", "no assignment '3.a'"),
+    ):
         with pytest.raises(ModelError, match=words):
             assignment(part, name)
 
@@ -78,9 +137,13 @@ def test_links_only_to_what_is_there(folder):
 def test_catalogue_reads_the_disk(folder):
     page = catalogue()._repr_html_()
     assert '<a href="part3/06_dc_dc_converter.ipynb">' in page
-    assert '<a href="part2/my_own.ipynb">My &lt;own&gt; relay</a>' in page  # a teacher's own, by its heading
+    assert (
+        '<a href="part2/my_own.ipynb">My &lt;own&gt; relay</a>' in page
+    )  # a teacher's own, by its heading
     assert page.count("<a ") == 2 and "checkpoint" not in page
-    assert "5 Automatic gearbox" in page and "6 DC-DC converter" not in page.split("Still to come")[-1]
+    assert (
+        "5 Automatic gearbox" in page and "6 DC-DC converter" not in page.split("Still to come")[-1]
+    )
     assert "part2/my_own.ipynb" in repr(catalogue())
     (folder / "part2" / "broken.ipynb").write_text("{")
     assert ">broken</a>" in catalogue()._repr_html_()
@@ -92,24 +155,42 @@ def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, monkeypatc
     class Place:
         update = shown.append
 
-    monkeypatch.setattr("IPython.display.display", lambda what, display_id=False: shown.append(what) or (Place if display_id else None))
+    monkeypatch.setattr(
+        "IPython.display.display",
+        lambda what, display_id=False: shown.append(what) or (Place if display_id else None),
+    )
     assert choose(13) is None
     slider = shown[0]
     assert shown[1:] == [project(13)]
     slider.value = 6
     assert shown[2:] == [project(6)]
     data = slider._repr_mimebundle_()
-    assert WIDGET in data and data["text/html"].count("<tr>") == 31 and "<b>30</b>" in data["text/html"]
-    assert '<a href="part3/06_dc_dc_converter.ipynb">DC-DC converter</a>' in data["text/html"] and "In italics" in data["text/html"]
+    assert (
+        WIDGET in data
+        and data["text/html"].count("<tr>") == 31
+        and "<b>30</b>" in data["text/html"]
+    )
+    assert (
+        '<a href="part3/06_dc_dc_converter.ipynb">DC-DC converter</a>' in data["text/html"]
+        and "In italics" in data["text/html"]
+    )
 
 
 def test_saved_start_page_names_every_notebook():
     """Run `python -m labkit run notebooks/start.ipynb` after adding a notebook."""
     saved = json.loads((HOME / "start.ipynb").read_text(encoding="utf-8"))
-    outputs = [output for cell in saved["cells"] if cell["cell_type"] == "code" for output in cell["outputs"]]
+    outputs = [
+        output
+        for cell in saved["cells"]
+        if cell["cell_type"] == "code"
+        for output in cell["outputs"]
+    ]
     pages = "".join("".join(output.get("data", {}).get("text/html", "")) for output in outputs)
     for path in found(HOME):
         if path.name != "start.ipynb":
             assert f'href="{path.relative_to(HOME).as_posix()}"' in pages, path
     assert pages.count("<tr>") >= 31
-    assert not any(WIDGET in output.get("data", {}) for output in outputs) and "widgets" not in saved["metadata"]
+    assert (
+        not any(WIDGET in output.get("data", {}) for output in outputs)
+        and "widgets" not in saved["metadata"]
+    )

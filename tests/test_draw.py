@@ -17,6 +17,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.colors import to_rgb
+from PIL import Image
+
 from labkit.draw import (
     COLORS,
     Sketch,
@@ -37,8 +40,6 @@ from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
 from labkit.run import Event, Run, Work
 from labkit.solve import simulate
-from matplotlib.colors import to_rgb
-from PIL import Image
 
 from .by_hand import lanes
 
@@ -48,27 +49,82 @@ BOX = ((-2.0, 2.0), (-2.0, 2.0))
 
 def linear(A, b=(0.0, 0.0)):
     (a11, a12), (a21, a22) = A
-    return System("linear", {"x": "m", "v": "m/s"}, {"a11": a11, "a12": a12, "a21": a21, "a22": a22},
-                  [Mode("motion", lambda t, s, p: (p.a11 * s.x + p.a12 * s.v + b[0], p.a21 * s.x + p.a22 * s.v + b[1]))], start={"x": 1.0, "v": 0.0})
+    return System(
+        "linear",
+        {"x": "m", "v": "m/s"},
+        {"a11": a11, "a12": a12, "a21": a21, "a22": a22},
+        [
+            Mode(
+                "motion",
+                lambda t, s, p: (
+                    p.a11 * s.x + p.a12 * s.v + b[0],
+                    p.a21 * s.x + p.a22 * s.v + b[1],
+                ),
+            )
+        ],
+        start={"x": 1.0, "v": 0.0},
+    )
 
 
 @pytest.fixture
 def ball():
-    return System("ball", {"y": "m", "v": "m/s"}, {"g": Parameter(9.81, "m/s²"), "e": Parameter(0.8, "", "restitution", 0, 1)},
-                  [Mode("flight", lambda t, s, p: (s.v, -p.g))],
-                  [Transition("flight", "flight", guard=lambda t, s, p: s.y, direction=-1, reset=lambda t, s, p: (0.0, -p.e * s.v), label="bounce")],
-                  start={"y": 10.0, "v": 0.0})
+    return System(
+        "ball",
+        {"y": "m", "v": "m/s"},
+        {"g": Parameter(9.81, "m/s²"), "e": Parameter(0.8, "", "restitution", 0, 1)},
+        [Mode("flight", lambda t, s, p: (s.v, -p.g))],
+        [
+            Transition(
+                "flight",
+                "flight",
+                guard=lambda t, s, p: s.y,
+                direction=-1,
+                reset=lambda t, s, p: (0.0, -p.e * s.v),
+                label="bounce",
+            )
+        ],
+        start={"y": 10.0, "v": 0.0},
+    )
 
 
 @pytest.fixture
 def block():
     """Sticks until k x reaches the limit, then slips with a constant force until it stands."""
-    return System("block", {"x": "m", "V": "m/s"}, {"k": 2.0, "limit": 5.88, "slide": 4.0},
-                  [Mode("stick", lambda t, s, p: (2.0, 0.0)), Mode("slip", lambda t, s, p: (2.0 - s.V, p.k * s.x - p.slide))],
-                  [Transition("stick", "slip", guard=lambda t, s, p: p.k * s.x - p.limit, direction=1, label="lets go"),
-                   Transition("slip", "stick", guard=lambda t, s, p: s.V, direction=-1, reset=lambda t, s, p: (s.x, 0.0), label="stands")],
-                  start={"x": 0.0, "V": 0.0}, mode=lambda t, s, p: "stick" if s.V <= 0 and p.k * s.x <= p.limit else "slip",
-                  outputs={"F": Output({"stick": lambda t, s, p: p.k * s.x, "slip": lambda t, s, p: p.slide}, "N", "friction")})
+    return System(
+        "block",
+        {"x": "m", "V": "m/s"},
+        {"k": 2.0, "limit": 5.88, "slide": 4.0},
+        [
+            Mode("stick", lambda t, s, p: (2.0, 0.0)),
+            Mode("slip", lambda t, s, p: (2.0 - s.V, p.k * s.x - p.slide)),
+        ],
+        [
+            Transition(
+                "stick",
+                "slip",
+                guard=lambda t, s, p: p.k * s.x - p.limit,
+                direction=1,
+                label="lets go",
+            ),
+            Transition(
+                "slip",
+                "stick",
+                guard=lambda t, s, p: s.V,
+                direction=-1,
+                reset=lambda t, s, p: (s.x, 0.0),
+                label="stands",
+            ),
+        ],
+        start={"x": 0.0, "V": 0.0},
+        mode=lambda t, s, p: "stick" if s.V <= 0 and p.k * s.x <= p.limit else "slip",
+        outputs={
+            "F": Output(
+                {"stick": lambda t, s, p: p.k * s.x, "slip": lambda t, s, p: p.slide},
+                "N",
+                "friction",
+            )
+        },
+    )
 
 
 def made(system, t, mode_index, values, events=()):
@@ -76,8 +132,18 @@ def made(system, t, mode_index, values, events=()):
     t = np.array(t, dtype=float)
     j = np.concatenate([[0], np.cumsum(np.diff(t) == 0)])
     ledger = [Event(when, "e", "a", "b", {}, {}, i) for i, when in enumerate(events)]
-    return Run(system, system.values(), t, j, np.array(mode_index), np.array(values, dtype=float), ledger, "finished",
-               Work(0, 0, 0, 0, len(ledger), 0.0, "hand", "hand"), np.zeros((0, 3)))
+    return Run(
+        system,
+        system.values(),
+        t,
+        j,
+        np.array(mode_index),
+        np.array(values, dtype=float),
+        ledger,
+        "finished",
+        Work(0, 0, 0, 0, len(ledger), 0.0, "hand", "hand"),
+        np.zeros((0, 3)),
+    )
 
 
 def pixels(png):
@@ -88,7 +154,11 @@ def segments(line):
     """The strokes of a line that is broken by NaN, as a list of arrays (k, 2)."""
     xy = np.column_stack(line.get_data()).astype(float)
     gaps = np.flatnonzero(np.isnan(xy).any(axis=1))
-    return [part[~np.isnan(part).any(axis=1)] for part in np.split(xy, gaps) if len(part[~np.isnan(part).any(axis=1)])]
+    return [
+        part[~np.isnan(part).any(axis=1)]
+        for part in np.split(xy, gaps)
+        if len(part[~np.isnan(part).any(axis=1)])
+    ]
 
 
 # -- figure ---------------------------------------------------------------------------------------------------------------
@@ -97,17 +167,34 @@ def segments(line):
 def test_png_is_small_palette_and_the_same_each_time(ball):
     view = time_plot(simulate(ball, 5.0, **PLAIN), "y", "v")
     first = view.figure.png()
-    assert first == view.figure.png() == view._repr_png_() == time_plot(simulate(ball, 5.0, **PLAIN), "y", "v").figure.png()
+    assert (
+        first
+        == view.figure.png()
+        == view._repr_png_()
+        == time_plot(simulate(ball, 5.0, **PLAIN), "y", "v").figure.png()
+    )
     assert len(first) <= PNG_BYTES
     assert Image.open(io.BytesIO(first)).mode == "P"
     assert b"tEXt" not in first and b"tIME" not in first and b"pHYs" not in first
     data, meta = view.figure._repr_mimebundle_()
-    assert data["image/png"] == first and meta["image/png"] == {"width": view.figure.css_size[0], "height": view.figure.css_size[1]}
+    assert data["image/png"] == first and meta["image/png"] == {
+        "width": view.figure.css_size[0],
+        "height": view.figure.css_size[1],
+    }
 
 
 def test_png_has_the_same_bytes_in_another_process():
     code = "from labkit.draw import figure; import hashlib; f = figure(); f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
-    seen = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": seed}).stdout for seed in "12"}
+    seen = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in "12"
+    }
     assert len(seen) == 1
 
 
@@ -117,7 +204,7 @@ def test_png_keeps_backgrounds_and_curve_colours_exactly():
     image = pixels(fig.png())
     assert (image[0, 0] == 255).all()
     colors = {tuple(c) for c in image.reshape(-1, 3)}
-    assert tuple(int(COLORS[0][i:i + 2], 16) for i in (1, 3, 5)) in colors
+    assert tuple(int(COLORS[0][i : i + 2], 16) for i in (1, 3, 5)) in colors
 
 
 @settings(max_examples=15, deadline=None)
@@ -169,7 +256,14 @@ def test_the_users_rcparams_are_neither_changed_nor_used(ball):
     for thread in threads:
         thread.join()
     assert dict(matplotlib.rcParams) == before
-    other = {"axes.facecolor": "black", "figure.facecolor": "black", "font.size": 20, "lines.linewidth": 9, "savefig.bbox": "tight", "axes.grid": False}
+    other = {
+        "axes.facecolor": "black",
+        "figure.facecolor": "black",
+        "font.size": 20,
+        "lines.linewidth": 9,
+        "savefig.bbox": "tight",
+        "axes.grid": False,
+    }
     with matplotlib.rc_context(other):
         assert time_plot(run).figure.png() == plain
 
@@ -191,9 +285,19 @@ def test_figure_refuses_nonsense(tmp_path):
 
 
 def test_names_and_units_as_labels(block):
-    assert symbol("theta1") == r"$\theta_{1}$" and symbol("x") == "$x$" and symbol("iL") == "$i_{L}$" and symbol("omega_max") == r"$\omega_{\mathrm{max}}$"
+    assert (
+        symbol("theta1") == r"$\theta_{1}$"
+        and symbol("x") == "$x$"
+        and symbol("iL") == "$i_{L}$"
+        and symbol("omega_max") == r"$\omega_{\mathrm{max}}$"
+    )
     assert label(block, "x", "V") == "$x$ [m], $V$ [m/s]" and label(block, "t") == "$t$ [s]"
-    same = System("two", {"a": "m", "b": "m"}, modes=[Mode("m", lambda t, s, p: (0, 0))], start={"a": 0, "b": 0})
+    same = System(
+        "two",
+        {"a": "m", "b": "m"},
+        modes=[Mode("m", lambda t, s, p: (0, 0))],
+        start={"a": 0, "b": 0},
+    )
     assert label(same, "a", "b") == "$a$, $b$ [m]"
 
 
@@ -213,16 +317,36 @@ def test_curve_breaks_at_jumps_and_jumps_are_dashed(ball):
     strokes, jumps = segments(velocity.line), segments(velocity.jumps)
     assert len(run.events) == 3 and len(strokes) == 4 and len(jumps) == 3
     for event, jump in zip(run.events, jumps, strict=True):
-        np.testing.assert_allclose(jump, [[event.t, event.before["v"]], [event.t, event.after["v"]]], rtol=1e-9)
+        np.testing.assert_allclose(
+            jump, [[event.t, event.before["v"]], [event.t, event.after["v"]]], rtol=1e-9
+        )
     assert velocity.jumps.is_dashed() and not velocity.line.is_dashed()
     xs = np.concatenate([s[:, 0] for s in strokes])
     assert len(xs) == len(run.t)  # nothing lost
 
 
 def test_pause_where_a_mode_lacks_the_state():
-    torn = System("torn", {"phi": "rad"}, modes=[Mode("rod", lambda t, s, p: (1.0,)), Mode("free", lambda t, s, p: (2.0,), states={"z": "m"})],
-                  transitions=[Transition("rod", "free", at=Every(1.0), reset=lambda t, s, p: (s.phi,))], start={"phi": 0.0})
-    view = time_plot(made(torn, [0, 0.5, 1, 1, 1.5, 2], [0, 0, 0, 1, 1, 1], [[0], [0.5], [1], [7], [8], [9]], events=[1.0]), "phi", "z")
+    torn = System(
+        "torn",
+        {"phi": "rad"},
+        modes=[
+            Mode("rod", lambda t, s, p: (1.0,)),
+            Mode("free", lambda t, s, p: (2.0,), states={"z": "m"}),
+        ],
+        transitions=[Transition("rod", "free", at=Every(1.0), reset=lambda t, s, p: (s.phi,))],
+        start={"phi": 0.0},
+    )
+    view = time_plot(
+        made(
+            torn,
+            [0, 0.5, 1, 1, 1.5, 2],
+            [0, 0, 0, 1, 1, 1],
+            [[0], [0.5], [1], [7], [8], [9]],
+            events=[1.0],
+        ),
+        "phi",
+        "z",
+    )
     phi, z = (panel[0][0] for panel in view._curves)
     np.testing.assert_array_equal(segments(phi.line)[0][:, 1], [0, 0.5, 1])
     np.testing.assert_array_equal(segments(z.line)[0][:, 0], [1, 1.5, 2])
@@ -241,12 +365,22 @@ def test_modes_colour_the_background(block):
         assert np.all(boxes[:, 1, 1] == 1.0)
     handles = view.axes[0].get_legend().get_texts()
     assert [text.get_text() for text in handles] == ["stick", "slip"]
-    assert view.axes[1].get_ylabel() == "$F$ [N]" and view.axes[1].get_xlabel() == "$t$ [s]" and view.axes[0].get_xlabel() == ""
+    assert (
+        view.axes[1].get_ylabel() == "$F$ [N]"
+        and view.axes[1].get_xlabel() == "$t$ [s]"
+        and view.axes[0].get_xlabel() == ""
+    )
 
 
 def test_a_thousand_events_do_not_blacken_the_plot(block):
     t = np.repeat(np.linspace(0, 1, 1001), 2)[1:-1]
-    run = made(block, t, (np.arange(len(t)) // 2) % 2, np.column_stack([np.sin(6 * t), np.cos(6 * t)]), events=np.linspace(0, 1, 1001)[1:-1])
+    run = made(
+        block,
+        t,
+        (np.arange(len(t)) // 2) % 2,
+        np.column_stack([np.sin(6 * t), np.cos(6 * t)]),
+        events=np.linspace(0, 1, 1001)[1:-1],
+    )
     view = time_plot(run, "x")
     marks = segments(view._events[0].line)
     assert len(marks) == 999 and all(mark[:, 1].min() > 0.95 for mark in marks)
@@ -298,16 +432,27 @@ def test_a_users_zoom_is_left_alone(ball):
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30), st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30))
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30),
+    st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30),
+)
 def test_finite_data_are_always_inside_the_limits(first, second):
     system = linear([[0, 1], [-1, 0]])
-    runs = [made(system, np.arange(len(y)) + 1.0, np.zeros(len(y), dtype=int), np.column_stack([y, y])) for y in (first, second)]
+    runs = [
+        made(system, np.arange(len(y)) + 1.0, np.zeros(len(y), dtype=int), np.column_stack([y, y]))
+        for y in (first, second)
+    ]
     view = time_plot(runs[0], "x")
     for run in runs:
         view.update(run)
         (x0, x1), (y0, y1) = view.axes[0].get_xlim(), view.axes[0].get_ylim()
         slack = 1e-6 * (y1 - y0)
-        assert x0 <= run.t.min() and run.t.max() <= x1 and y0 - slack <= run["x"].min() and run["x"].max() <= y1 + slack
+        assert (
+            x0 <= run.t.min()
+            and run.t.max() <= x1
+            and y0 - slack <= run["x"].min()
+            and run["x"].max() <= y1 + slack
+        )
 
 
 def test_nothing_finite_is_no_crash(block):
@@ -324,14 +469,23 @@ def test_several_runs_and_labels(ball):
     colors = [[curve.line.get_color() for curve in curves] for curves in view._curves[0]]
     assert colors == [[COLORS[0]] * 2, [COLORS[1]] * 2]
     view.update(list(runs.values())[::-1])
-    np.testing.assert_array_equal(view._curves[0][0][0].line.get_ydata(), time_plot(runs["e = 0.9"], "y")._curves[0][0][0].line.get_ydata())
+    np.testing.assert_array_equal(
+        view._curves[0][0][0].line.get_ydata(),
+        time_plot(runs["e = 0.9"], "y")._curves[0][0][0].line.get_ydata(),
+    )
     with pytest.raises(ModelError, match="shows 2 run"):
         view.update(runs["e = 0.5"])
 
 
 def test_many_lanes_are_one_line_with_gaps():
     system = linear([[0, 1], [-1, 0]])
-    runs = lanes(system, np.array([0, 1, 2.0, 0, 1]), np.zeros(5, dtype=int), np.arange(10.0).reshape(5, 2), [3, 5])
+    runs = lanes(
+        system,
+        np.array([0, 1, 2.0, 0, 1]),
+        np.zeros(5, dtype=int),
+        np.arange(10.0).reshape(5, 2),
+        [3, 5],
+    )
     strokes = segments(time_plot(runs, "x")._curves[0][0][0].line)
     assert [len(stroke) for stroke in strokes] == [3, 2]
 
@@ -353,13 +507,26 @@ def test_time_plot_refuses_nonsense(ball, block):
 # -- type of an equilibrium -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("A", "kind"), [
-    ([[-1, 0], [0, -3]], "stable node"), ([[1, 0], [0, 3]], "unstable node"), ([[-2, 0], [0, -2]], "stable star"), ([[2, 0], [0, 2]], "unstable star"),
-    ([[-1, 0], [1, -1]], "stable improper node"), ([[1, 5], [0, 1]], "unstable improper node"), ([[-2, 1], [-1, -2]], "stable spiral point"),
-    ([[0.1, 1], [-1, 0.1]], "unstable spiral point"), ([[0, 4], [-1, 0]], "centre"), ([[1, 0], [0, -2]], "saddle"),
-    ([[1, 2], [2, 4]], "degenerate (line of equilibria)"), ([[0, 1], [0, 0]], "degenerate (line of equilibria)"), ([[0, 0], [0, 0]], "degenerate (all points)"),
-    ([[-1, 0], [0, -1.00002]], "stable node"), ([[-1, 1e-4], [-1e-4, -1]], "stable spiral point"),
-])
+@pytest.mark.parametrize(
+    ("A", "kind"),
+    [
+        ([[-1, 0], [0, -3]], "stable node"),
+        ([[1, 0], [0, 3]], "unstable node"),
+        ([[-2, 0], [0, -2]], "stable star"),
+        ([[2, 0], [0, 2]], "unstable star"),
+        ([[-1, 0], [1, -1]], "stable improper node"),
+        ([[1, 5], [0, 1]], "unstable improper node"),
+        ([[-2, 1], [-1, -2]], "stable spiral point"),
+        ([[0.1, 1], [-1, 0.1]], "unstable spiral point"),
+        ([[0, 4], [-1, 0]], "centre"),
+        ([[1, 0], [0, -2]], "saddle"),
+        ([[1, 2], [2, 4]], "degenerate (line of equilibria)"),
+        ([[0, 1], [0, 0]], "degenerate (line of equilibria)"),
+        ([[0, 0], [0, 0]], "degenerate (all points)"),
+        ([[-1, 0], [0, -1.00002]], "stable node"),
+        ([[-1, 1e-4], [-1e-4, -1]], "stable spiral point"),
+    ],
+)
 def test_classify(A, kind):
     assert classify(A) == kind
     for scale in (1e-12, 1e9):
@@ -367,9 +534,21 @@ def test_classify(A, kind):
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.sampled_from([([[-1, 0], [0, -3]], "stable node"), ([[2, 0], [0, 2]], "unstable star"), ([[-1, 0], [1, -1]], "stable improper node"),
-                        ([[-2, 1], [-1, -2]], "stable spiral point"), ([[0, 1], [-1, 0]], "centre"), ([[1, 0], [0, -2]], "saddle")]),
-       st.floats(-3, 3), st.floats(-3, 3), st.floats(-math.pi, math.pi))
+@given(
+    st.sampled_from(
+        [
+            ([[-1, 0], [0, -3]], "stable node"),
+            ([[2, 0], [0, 2]], "unstable star"),
+            ([[-1, 0], [1, -1]], "stable improper node"),
+            ([[-2, 1], [-1, -2]], "stable spiral point"),
+            ([[0, 1], [-1, 0]], "centre"),
+            ([[1, 0], [0, -2]], "saddle"),
+        ]
+    ),
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.floats(-math.pi, math.pi),
+)
 def test_classify_is_unchanged_by_similarity(case, a, b, angle):
     A, kind = case
     G = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
@@ -382,10 +561,25 @@ def test_classify_is_unchanged_by_similarity(case, a, b, angle):
 def test_classify_agrees_with_the_eigenvalues(entries):
     A = np.array(entries).reshape(2, 2)
     values = np.linalg.eigvals(A)
-    if np.abs(A).max() < 1e-3 or np.abs(values).min() < 1e-3 or abs(values[0] - values[1]) < 1e-3 or np.abs(values.real).min() < 1e-3:
+    if (
+        np.abs(A).max() < 1e-3
+        or np.abs(values).min() < 1e-3
+        or abs(values[0] - values[1]) < 1e-3
+        or np.abs(values.real).min() < 1e-3
+    ):
         return
-    kind = "spiral point" if abs(values[0].imag) > 0 else "node" if values.real.prod() > 0 else "saddle"
-    assert classify(A) == ("saddle" if kind == "saddle" else f"{'stable' if values.real.max() < 0 else 'unstable'} {kind}")
+    kind = (
+        "spiral point"
+        if abs(values[0].imag) > 0
+        else "node"
+        if values.real.prod() > 0
+        else "saddle"
+    )
+    assert classify(A) == (
+        "saddle"
+        if kind == "saddle"
+        else f"{'stable' if values.real.max() < 0 else 'unstable'} {kind}"
+    )
 
 
 def test_classify_refuses_nonsense():
@@ -399,67 +593,122 @@ def test_classify_refuses_nonsense():
 # -- phase portraits ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("A", "kind"), [([[1, 0], [0, -2]], "saddle"), ([[0, 1], [-4, 0]], "centre"), ([[-2, 1], [-1, -2]], "stable spiral point"),
-                                         ([[-1, 0], [1, -1]], "stable improper node"), ([[-1.5, 0], [0, -1.5]], "stable star")])
+@pytest.mark.parametrize(
+    ("A", "kind"),
+    [
+        ([[1, 0], [0, -2]], "saddle"),
+        ([[0, 1], [-4, 0]], "centre"),
+        ([[-2, 1], [-1, -2]], "stable spiral point"),
+        ([[-1, 0], [1, -1]], "stable improper node"),
+        ([[-1.5, 0], [0, -1.5]], "stable star"),
+    ],
+)
 def test_equilibrium_of_a_linear_system(A, kind):
     b = np.array([0.3, -0.7])
-    (x, v, mode, word), = equilibria(linear(A, b), limits=BOX).found
+    ((x, v, mode, word),) = equilibria(linear(A, b), limits=BOX).found
     np.testing.assert_allclose([x, v], -np.linalg.solve(np.array(A, dtype=float), b), atol=1e-9)
     assert (mode, word) == ("motion", kind)
 
 
 def test_equilibria_of_a_pendulum_with_math_functions():
-    pendulum = System("pendulum", {"phi": "rad", "w": "rad/s"}, {"d": 0.3}, [Mode("swing", lambda t, s, p: (s.w, -math.sin(s.phi) - p.d * s.w))], start={"phi": 1.0, "w": 0.0})
+    pendulum = System(
+        "pendulum",
+        {"phi": "rad", "w": "rad/s"},
+        {"d": 0.3},
+        [Mode("swing", lambda t, s, p: (s.w, -math.sin(s.phi) - p.d * s.w))],
+        start={"phi": 1.0, "w": 0.0},
+    )
     found = find_equilibria(Plane(pendulum), ((-7.0, 7.0), (-3.0, 3.0)))
     np.testing.assert_allclose([x for x, *_ in found], np.pi * np.arange(-2, 3), atol=1e-9)
-    assert [kind for *_, kind in found] == ["stable spiral point", "saddle"] * 2 + ["stable spiral point"]
-    assert [kind for *_, kind in find_equilibria(Plane(pendulum, p=pendulum.values({"d": 0.0})), ((-1.0, 1.0), (-1.0, 1.0)))] == ["centre"]
+    assert [kind for *_, kind in found] == ["stable spiral point", "saddle"] * 2 + [
+        "stable spiral point"
+    ]
+    assert [
+        kind
+        for *_, kind in find_equilibria(
+            Plane(pendulum, p=pendulum.values({"d": 0.0})), ((-1.0, 1.0), (-1.0, 1.0))
+        )
+    ] == ["centre"]
 
 
 def test_no_equilibrium_where_there_is_none(ball):
     assert equilibria(ball, limits=((0.0, 10.0), (-10.0, 10.0))).found == []
 
 
-@pytest.mark.parametrize("force, expected", [
-    (lambda x: (x - 0.3) ** 2 * (x + 1), [(-1.0, "stable spiral point"), (0.3, "degenerate (line of equilibria)")]),  # where a saddle and a node meet
-    (lambda x: x**3, [(0.0, "degenerate (line of equilibria)")]), (lambda x: 10 * math.sin(9 * x), None), (lambda x: x * x + 1e-3, []),
-])
+@pytest.mark.parametrize(
+    "force, expected",
+    [
+        (
+            lambda x: (x - 0.3) ** 2 * (x + 1),
+            [(-1.0, "stable spiral point"), (0.3, "degenerate (line of equilibria)")],
+        ),  # where a saddle and a node meet
+        (lambda x: x**3, [(0.0, "degenerate (line of equilibria)")]),
+        (lambda x: 10 * math.sin(9 * x), None),
+        (lambda x: x * x + 1e-3, []),
+    ],
+)
 def test_equilibria_that_are_double_many_or_just_gone(force, expected):
-    system = System("spring", {"x": "m", "v": "m/s"}, {}, [Mode("motion", lambda t, s, p: (s.v, -force(s.x) - s.v))], start={"x": 1.0, "v": 0.0})
+    system = System(
+        "spring",
+        {"x": "m", "v": "m/s"},
+        {},
+        [Mode("motion", lambda t, s, p: (s.v, -force(s.x) - s.v))],
+        start={"x": 1.0, "v": 0.0},
+    )
     found = find_equilibria(Plane(system), ((-3.0, 3.0), (-4.0, 4.1)))
     if expected is None:
-        expected = [(k * math.pi / 9, "saddle" if k % 2 else "stable spiral point") for k in range(-8, 9)]
+        expected = [
+            (k * math.pi / 9, "saddle" if k % 2 else "stable spiral point") for k in range(-8, 9)
+        ]
     assert [kind for *_, kind in found] == [kind for _, kind in expected]
-    assert [x for x, *_ in found] == pytest.approx([x for x, _ in expected], abs=1e-7) and all(abs(v) < 1e-9 for _, v, *_ in found)
+    assert [x for x, *_ in found] == pytest.approx([x for x, _ in expected], abs=1e-7) and all(
+        abs(v) < 1e-9 for _, v, *_ in found
+    )
 
 
-@pytest.mark.parametrize("flow, expected", [
-    (lambda t, s, p: (s.x**2, s.v**2), [(0.0, 0.0)]), (lambda t, s, p: (1 / s.x, s.v), []), (lambda t, s, p: (math.exp(3 * s.x) - 1, s.v), [(0.0, 0.0)]),
-    (lambda t, s, p: (math.sqrt(s.x - 1) - 1, -s.v), [(2.0, 0.0)]), (lambda t, s, p: (s.v, math.copysign(1.0, s.x)), []),
-])
+@pytest.mark.parametrize(
+    "flow, expected",
+    [
+        (lambda t, s, p: (s.x**2, s.v**2), [(0.0, 0.0)]),
+        (lambda t, s, p: (1 / s.x, s.v), []),
+        (lambda t, s, p: (math.exp(3 * s.x) - 1, s.v), [(0.0, 0.0)]),
+        (lambda t, s, p: (math.sqrt(s.x - 1) - 1, -s.v), [(2.0, 0.0)]),
+        (lambda t, s, p: (s.v, math.copysign(1.0, s.x)), []),
+    ],
+)
 def test_equilibria_of_awkward_flows_come_without_warnings(flow, expected):
-    system = System("awkward", {"x": "m", "v": "m/s"}, {}, [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
+    system = System(
+        "awkward", {"x": "m", "v": "m/s"}, {}, [Mode("motion", flow)], start={"x": 1.0, "v": 0.0}
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = [(x, v) for x, v, *_ in find_equilibria(Plane(system), ((-3.0, 3.0), (-4.0, 4.1)))]
     assert np.array(found).ravel() == pytest.approx(np.array(expected).ravel(), abs=1e-6)
 
 
-@pytest.mark.parametrize("A", [((1, 2), (2, 4)), ((-1, 0.3), (2, -0.6)), ((0, 1), (0, -1)), ((0.1, 0.3), (0.2, 0.6))])
+@pytest.mark.parametrize(
+    "A", [((1, 2), (2, 4)), ((-1, 0.3), (2, -0.6)), ((0, 1), (0, -1)), ((0.1, 0.3), (0.2, 0.6))]
+)
 def test_a_line_of_equilibria_is_no_heap_of_marks(A):
     assert find_equilibria(Plane(linear(A)), ((-3.0, 3.0), (-4.0, 4.1))) == []
 
 
 def test_only_the_equilibria_of_the_mode_that_holds(block):
     view = equilibria(block, limits=((-1.0, 5.0), (0.0, 6.0)))
-    (x, v, mode, kind), = view.found
+    ((x, v, mode, kind),) = view.found
     assert (round(x, 9), round(v, 9), mode, kind) == (2.0, 2.0, "slip", "centre")
     view = equilibria(block, limits=((-1.0, 5.0), (0.0, 6.0)), mode="stick")
     assert view.found == []
 
 
 def test_nullclines_lie_where_the_rates_vanish():
-    system = System("van der Pol", {"x": "", "v": ""}, {"mu": 1.0}, [Mode("m", lambda t, s, p: (s.v, p.mu * (1 - s.x**2) * s.v - s.x))], start={"x": 1, "v": 0})
+    system = System(
+        "van der Pol",
+        {"x": "", "v": ""},
+        {"mu": 1.0},
+        [Mode("m", lambda t, s, p: (s.v, p.mu * (1 - s.x**2) * s.v - s.x))],
+        start={"x": 1, "v": 0},
+    )
     layer = nullclines(system, limits=((-3.0, 3.0), (-4.0, 4.0)))
     flat, steep = (np.concatenate(segments(line)) for line in layer.lines)
     assert np.abs(flat[:, 1]).max() < 1e-12
@@ -472,7 +721,7 @@ def test_nullclines_lie_where_the_rates_vanish():
 def test_a_jump_through_zero_is_no_nullcline():
     plane_function = lambda x, y: np.where(x > 0.313, 1.0, -1.0)  # noqa: E731
     assert contour(plane_function, BOX) == []
-    line, = contour(lambda x, y: x - 0.313, BOX)
+    (line,) = contour(lambda x, y: x - 0.313, BOX)
     np.testing.assert_allclose(line[:, 0], 0.313, atol=1e-12)
     assert contour(lambda x, y: 0 * x, BOX) == []
     assert contour(lambda x, y: np.full(np.shape(x), np.nan), BOX) == []
@@ -488,7 +737,9 @@ def test_direction_field_points_along_the_flow_on_paper():
         np.testing.assert_array_equal(head[1], tip)
         x, v = (tail + tip) / 2
         flow, way = np.array([v / 4, -x / 400]), (tip - tail) / [4, 400]
-        assert np.cross(np.append(flow, 0), np.append(way, 0))[2] == pytest.approx(0, abs=1e-9 * np.hypot(*flow))
+        assert np.cross(np.append(flow, 0), np.append(way, 0))[2] == pytest.approx(
+            0, abs=1e-9 * np.hypot(*flow)
+        )
         assert flow @ way > 0
         lengths.append(np.hypot(way[0] * layer.shape, way[1]))
     assert np.ptp(lengths) < 1e-9
@@ -497,7 +748,9 @@ def test_direction_field_points_along_the_flow_on_paper():
 def test_field_shows_the_mode_that_holds(block):
     layer = direction_field(block, limits=((-1.0, 5.0), (-1.0, 6.0)))
     stick, slip = (np.concatenate(segments(line)) for line in layer.lines)
-    assert stick[:, 1].max() < 0.2 and slip[:, 1].min() > -0.5 and stick[:, 0].max() < 5.88 / 2 + 0.3
+    assert (
+        stick[:, 1].max() < 0.2 and slip[:, 1].min() > -0.5 and stick[:, 0].max() < 5.88 / 2 + 0.3
+    )
     assert [line.get_color() for line in layer.lines] == [COLORS[0], COLORS[1]]
 
 
@@ -513,11 +766,22 @@ def test_functions_of_math_work_on_grids():
 
     X, Y = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-2, 2, 9))
     wide = over_arrays(smooth)(0.0, SimpleNamespace(x=X, y=Y), None)
-    np.testing.assert_allclose(wide, [Y * np.sin(X), np.exp(-X * X) - np.sqrt(1 + Y**2)], rtol=1e-14)
+    np.testing.assert_allclose(
+        wide, [Y * np.sin(X), np.exp(-X * X) - np.sqrt(1 + Y**2)], rtol=1e-14
+    )
     for flow in (smooth, branching):
-        plane = Plane(System("any", {"x": "", "y": ""}, {}, [Mode("m", flow)], start={"x": 0.5, "y": 0.5}))
+        plane = Plane(
+            System("any", {"x": "", "y": ""}, {}, [Mode("m", flow)], start={"x": 0.5, "y": 0.5})
+        )
         values = np.array(plane.flow("m", X, Y)).reshape(2, -1).T
-        np.testing.assert_allclose(values, [flow(0.0, SimpleNamespace(x=x, y=y), None) for x, y in zip(X.flat, Y.flat, strict=True)], rtol=1e-13)
+        np.testing.assert_allclose(
+            values,
+            [
+                flow(0.0, SimpleNamespace(x=x, y=y), None)
+                for x, y in zip(X.flat, Y.flat, strict=True)
+            ],
+            rtol=1e-13,
+        )
 
 
 def test_vectorised_and_single_evaluation_agree(block):
@@ -525,9 +789,19 @@ def test_vectorised_and_single_evaluation_agree(block):
     X, Y = np.meshgrid(np.linspace(-1, 5, 12), np.linspace(-1, 5, 11))
     for mode in block.modes:
         f, g = plane.flow(mode, X, Y)
-        one = np.array([np.ravel(plane.flow(mode, x, y)) for x, y in zip(X.ravel().tolist(), Y.ravel().tolist(), strict=True)])
+        one = np.array(
+            [
+                np.ravel(plane.flow(mode, x, y))
+                for x, y in zip(X.ravel().tolist(), Y.ravel().tolist(), strict=True)
+            ]
+        )
         np.testing.assert_array_equal(np.column_stack([f.ravel(), g.ravel()]), one)
-    branching = System("b", {"x": "", "v": ""}, modes=[Mode("m", lambda t, s, p: (math.sqrt(s.x), 1.0 if s.v > 0 else -1.0))], start={"x": 1, "v": 0})
+    branching = System(
+        "b",
+        {"x": "", "v": ""},
+        modes=[Mode("m", lambda t, s, p: (math.sqrt(s.x), 1.0 if s.v > 0 else -1.0))],
+        start={"x": 1, "v": 0},
+    )
     f, g = Plane(branching).flow("m", X, Y)
     np.testing.assert_array_equal(np.isnan(f), X < 0)
     np.testing.assert_array_equal(g[X >= 0], np.where(Y > 0, 1.0, -1.0)[X >= 0])
@@ -535,7 +809,9 @@ def test_vectorised_and_single_evaluation_agree(block):
 
 def test_guard_lines_and_names(block):
     layer = guard_lines(block, limits=((-1.0, 5.0), (-1.0, 6.0)))
-    np.testing.assert_allclose(np.concatenate(segments(layer.lines["stick"]))[:, 0], 2.94, atol=1e-9)
+    np.testing.assert_allclose(
+        np.concatenate(segments(layer.lines["stick"]))[:, 0], 2.94, atol=1e-9
+    )
     np.testing.assert_allclose(np.concatenate(segments(layer.lines["slip"]))[:, 1], 0.0, atol=1e-9)
     assert {text.get_text() for text in layer.words.values()} == {"lets go", "stands"}
     assert all(line.is_dashed() for line in layer.lines.values())
@@ -568,7 +844,15 @@ def test_a_run_that_ends_at_its_start_is_a_point():
     system = linear([[0, 1], [-1, 0]])
     layer = trajectories(simulate(system, 6.0, **PLAIN), limits=BOX)
     stuck = simulate(system, 6.0, points=1, max_steps=1, rtol=1e-12, **PLAIN)
-    stuck = replace(stuck, t=stuck.t[:1], j=stuck.j[:1], mode_index=stuck.mode_index[:1], values=stuck.values[:1], other=stuck.other[:1], part=stuck.part[:1])
+    stuck = replace(
+        stuck,
+        t=stuck.t[:1],
+        j=stuck.j[:1],
+        mode_index=stuck.mode_index[:1],
+        values=stuck.values[:1],
+        other=stuck.other[:1],
+        part=stuck.part[:1],
+    )
     layer.update(stuck)
     assert not len(layer.heads[0].get_path().vertices)
     np.testing.assert_allclose(np.column_stack(layer.starts.get_data()), [[1, 0]])
@@ -577,21 +861,38 @@ def test_a_run_that_ends_at_its_start_is_a_point():
 def test_portrait_of_many_and_update_with_other_parameters():
     system = linear([[-0.2, 1], [-1, -0.2]])
     view = phase_portrait(system, starts=12, horizon=4.0, limits=BOX, **PLAIN)
-    assert [type(layer).__name__ for layer in view.layers] == ["DirectionField", "Nullclines", "Trajectories", "Equilibria"]
-    assert len(view.layers[2].starts.get_xdata()) == 12 and view.equilibria[0][3] == "stable spiral point" and view.notes == []
+    assert [type(layer).__name__ for layer in view.layers] == [
+        "DirectionField",
+        "Nullclines",
+        "Trajectories",
+        "Equilibria",
+    ]
+    assert (
+        len(view.layers[2].starts.get_xdata()) == 12
+        and view.equilibria[0][3] == "stable spiral point"
+        and view.notes == []
+    )
     children, artists = len(view.axes.get_children()), list(view.artists)
     view.update(simulate(system, 4.0, a11=0.2, a22=0.2, **PLAIN))
     assert view.equilibria[0][3] == "unstable spiral point" and not view.relimited
     assert len(view.axes.get_children()) == children and view.artists == artists
     fresh = phase_portrait(system, starts=12, horizon=4.0, limits=BOX, a11=0.2, a22=0.2, **PLAIN)
-    for mine, other in zip(view.layers[2].lines[0].get_segments(), fresh.layers[2].lines[0].get_segments(), strict=True):
+    for mine, other in zip(
+        view.layers[2].lines[0].get_segments(), fresh.layers[2].lines[0].get_segments(), strict=True
+    ):
         np.testing.assert_allclose(mine, other, rtol=1e-12)
     assert view.figure.png() == fresh.figure.png()
 
 
 def test_portrait_of_a_run_widens_and_the_field_follows(ball):
     view = phase_portrait(simulate(ball, 3.0, **PLAIN))
-    assert [type(layer).__name__ for layer in view.layers] == ["DirectionField", "Nullclines", "GuardLines", "Trajectories", "Equilibria"]
+    assert [type(layer).__name__ for layer in view.layers] == [
+        "DirectionField",
+        "Nullclines",
+        "GuardLines",
+        "Trajectories",
+        "Equilibria",
+    ]
     before = view.layers[0].lines[0].get_xydata().copy()
     view.update(simulate(ball, 3.0, start={"y": 9.0}, **PLAIN))
     assert not view.relimited
@@ -602,7 +903,13 @@ def test_portrait_of_a_run_widens_and_the_field_follows(ball):
 
 
 def test_time_dependent_flow_is_said_and_has_no_nullclines():
-    forced = System("forced", {"x": "m", "v": "m/s"}, {"w": 1.0}, [Mode("m", lambda t, s, p: (s.v, math.sin(p.w * t) - s.x))], start={"x": 1.0, "v": 0.0})
+    forced = System(
+        "forced",
+        {"x": "m", "v": "m/s"},
+        {"w": 1.0},
+        [Mode("m", lambda t, s, p: (s.v, math.sin(p.w * t) - s.x))],
+        start={"x": 1.0, "v": 0.0},
+    )
     view = phase_portrait(simulate(forced, 5.0, **PLAIN))
     assert [type(layer).__name__ for layer in view.layers] == ["DirectionField", "Trajectories"]
     assert "depends on time" in view.notes[0] and view.equilibria == []
@@ -610,7 +917,12 @@ def test_time_dependent_flow_is_said_and_has_no_nullclines():
 
 
 def test_a_larger_system_is_cut_at_its_start():
-    three = System("three", {"x": "m", "v": "m/s", "z": "N"}, modes=[Mode("m", lambda t, s, p: (s.v, s.z - s.x, 0.0))], start={"x": 1.0, "v": 0.0, "z": 0.5})
+    three = System(
+        "three",
+        {"x": "m", "v": "m/s", "z": "N"},
+        modes=[Mode("m", lambda t, s, p: (s.v, s.z - s.x, 0.0))],
+        start={"x": 1.0, "v": 0.0, "z": 0.5},
+    )
     view = phase_portrait(simulate(three, 5.0, **PLAIN))
     assert "other states" in view.notes[0] and view.equilibria == []
     f, g = Plane(three, at={"z": 2.0}).flow("m", np.array([1.0]), np.array([3.0]))
@@ -649,7 +961,9 @@ def test_portrait_refuses_nonsense(ball):
 def test_sketch_pieces_meet_at_their_points():
     s = Sketch(8, 3)
     m = s.block((2.5, 1.1), 1.4, 1.0, "$m$")
-    np.testing.assert_allclose([m.right, m.top, m.bottom, m.left], [(3.2, 1.1), (2.5, 1.6), (2.5, 0.6), (1.8, 1.1)])
+    np.testing.assert_allclose(
+        [m.right, m.top, m.bottom, m.left], [(3.2, 1.1), (2.5, 1.6), (2.5, 0.6), (1.8, 1.1)]
+    )
     k = s.spring(m.right, (6.0, 1.1), "$k$")
     assert k.start == m.right and k.end == (6.0, 1.1)
     np.testing.assert_allclose(k.middle, (4.6, 1.1))
@@ -726,8 +1040,15 @@ def test_later_titles_and_legends_have_the_house_style():
 def test_png_leaves_the_figure_as_it_was(ball):
     fig = time_plot(simulate(ball, 2.0), "y").figure
     engine, first = fig.get_layout_engine(), fig.png()
-    assert Image.open(io.BytesIO(fig.png(200.0))).size == tuple(200 * side for side in fig.get_size_inches())
-    assert fig.get_layout_engine() is engine is not None and fig.dpi == 120 and not fig.frozen and fig.png() == first
+    assert Image.open(io.BytesIO(fig.png(200.0))).size == tuple(
+        200 * side for side in fig.get_size_inches()
+    )
+    assert (
+        fig.get_layout_engine() is engine is not None
+        and fig.dpi == 120
+        and not fig.frozen
+        and fig.png() == first
+    )
     place = fig.axes[0].bbox.bounds
     fig.axes[0].set_ylabel("two\nlines")
     assert fig.png() != first and fig.axes[0].bbox.bounds[0] > place[0]  # laid out anew
@@ -739,17 +1060,41 @@ def test_png_leaves_the_figure_as_it_was(ball):
 # Full loss of one kind of cone, on linear RGB: Machado, Oliveira and Fernandes (2009), severity 1.
 EYES = {
     "normal": np.eye(3),
-    "protanopia": np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
-    "deuteranopia": np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]),
-    "tritanopia": np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]),
+    "protanopia": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "deuteranopia": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
+    ),
+    "tritanopia": np.array(
+        [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.303900],
+        ]
+    ),
 }
 
 
 def cielab(color, eyes):
     """CIE L*, a*, b* (D65) of a colour as those eyes see it."""
     rgb = np.array(to_rgb(color))
-    linear_rgb = np.clip(eyes @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), 0, 1)
-    xyz = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]]) @ linear_rgb / [0.9505, 1, 1.0888]
+    linear_rgb = np.clip(
+        eyes @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), 0, 1
+    )
+    xyz = (
+        np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]])
+        @ linear_rgb
+        / [0.9505, 1, 1.0888]
+    )
     x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
@@ -759,22 +1104,35 @@ def test_colours_are_told_apart_by_all_common_kinds_of_colour_vision(eyes):
     seen = [cielab(color, EYES[eyes]) for color in (*COLORS, "white")]
     away = [[np.linalg.norm(one - other) for other in seen] for one in seen]
     pairs = [(away[i][j], i, j) for i in range(len(seen)) for j in range(i)]
-    assert min(pairs)[0] > 9  # of all, and what is used first is further apart; 2.3 is just noticeable
+    assert (
+        min(pairs)[0] > 9
+    )  # of all, and what is used first is further apart; 2.3 is just noticeable
     assert min(pair for pair in pairs if pair[1] < 6)[0] > 15
 
 
 def test_modes_are_told_apart_in_grey_print(block):
     run = simulate(block, 6.0)
-    bands = [cielab(1 - patch.get_facecolor()[3] * (1 - np.array(patch.get_facecolor()[:3])), np.eye(3))[0] for patch in time_plot(run, "x").artists[:2]]
+    bands = [
+        cielab(1 - patch.get_facecolor()[3] * (1 - np.array(patch.get_facecolor()[:3])), np.eye(3))[
+            0
+        ]
+        for patch in time_plot(run, "x").artists[:2]
+    ]
     assert abs(bands[0] - bands[1]) > 4
-    lines = [part for part in phase_portrait(run).layers if type(part).__name__ == "Trajectories"][0].lines
+    lines = [part for part in phase_portrait(run).layers if type(part).__name__ == "Trajectories"][
+        0
+    ].lines
     assert [line.is_dashed() for line in lines] == [False, True]
 
 
 def test_curves_and_runs_are_told_apart_in_grey_print():
     run = simulate(linear([[0, 1], [-1, 0]]), 5.0)
     view = time_plot(run, ("x", "v"))
-    looks = {line.get_linestyle() if line.get_linestyle() == "-" else str(line._unscaled_dash_pattern) for line in view.figure.axes[0].lines if len(line.get_xdata()) > 10}
+    looks = {
+        line.get_linestyle() if line.get_linestyle() == "-" else str(line._unscaled_dash_pattern)
+        for line in view.figure.axes[0].lines
+        if len(line.get_xdata()) > 10
+    }
     assert len(looks) == 2
 
 

@@ -87,11 +87,29 @@ def flow_if(t, s, p):
 FUNCTIONS = {
     "arithmetic": lambda t, s, p: -p.k * s.x / 3 + 2 * (s.v - p.d) ** 2 - +s.x,
     "from math": lambda t, s, p: sin(s.x) + copysign(p.k, s.v) + abs(s.x - 1),
-    "math": lambda t, s, p: math.sqrt(s.x**2 + 1) * math.exp(-p.k) + math.atan2(s.x, p.k) + math.hypot(s.x, s.v) + math.log(p.k, 3) + math.fabs(p.d),
-    "numpy": lambda t, s, p: np.sin(np.pi * t) + np.arctan(s.x) + np.sign(s.v) * np.tanh(s.x) + np.maximum(s.x, s.v) - np.clip(s.v, -1, p.k),
-    "numpy where": lambda t, s, p: np.where(s.x > p.d, s.v, -s.v) + np.interp(s.x, POINTS, (0, 2, 1, 5)) + np.heaviside(s.v, 0.5),
+    "math": lambda t, s, p: (
+        math.sqrt(s.x**2 + 1) * math.exp(-p.k)
+        + math.atan2(s.x, p.k)
+        + math.hypot(s.x, s.v)
+        + math.log(p.k, 3)
+        + math.fabs(p.d)
+    ),
+    "numpy": lambda t, s, p: (
+        np.sin(np.pi * t)
+        + np.arctan(s.x)
+        + np.sign(s.v) * np.tanh(s.x)
+        + np.maximum(s.x, s.v)
+        - np.clip(s.v, -1, p.k)
+    ),
+    "numpy where": lambda t, s, p: (
+        np.where(s.x > p.d, s.v, -s.v)
+        + np.interp(s.x, POINTS, (0, 2, 1, 5))
+        + np.heaviside(s.v, 0.5)
+    ),
     "numpy scalar on the left": lambda t, s, p: np.float64(2.0) * s.x - np.float64(1.5) / p.k,
-    "remainder": lambda t, s, p: s.x % 2 + s.v // 0.5 + math.floor(t) % 2 + math.fmod(s.x, 1.5) + int(s.v) + math.ceil(s.x),
+    "remainder": lambda t, s, p: (
+        s.x % 2 + s.v // 0.5 + math.floor(t) % 2 + math.fmod(s.x, 1.5) + int(s.v) + math.ceil(s.x)
+    ),
     "min and max": lambda t, s, p: max(s.x, 0.0, p.d) - min([s.x, s.v]),
     "constants": lambda t, s, p: RATIO * s.x + pi / 3 + 2 * pi * t + MATRIX[1, 0] * s.v + 0.1,
     "matrix": lambda t, s, p: (MATRIX @ np.array([s.x, s.v]))[1],
@@ -103,7 +121,9 @@ FUNCTIONS = {
     "helper": lambda t, s, p: p.k * sgn(s.x - p.d) + sgn(2 * s.v),
     "helper of the state": lambda t, s, p: (p.k * s.x - stribeck(s, p)) / p.k,
     "helper with keywords": lambda t, s, p: clipped(s.x, low=-p.k) + clipped(s.v, 0.0, high=p.k),
-    "helper in a helper": lambda t, s, p: hysteresis(s.x, s.v, p.k) - hysteresis(s.x, s.v, p.k, branch=-1),
+    "helper in a helper": lambda t, s, p: (
+        hysteresis(s.x, s.v, p.k) - hysteresis(s.x, s.v, p.k, branch=-1)
+    ),
     "helper of two values": lambda t, s, p: both(s.x, p.k)[0] + both(s.v, s.x)[1],
     "helper of truth": lambda t, s, p: s.x if inside(s.v, p.k) else 0.0,
     "loop": lambda t, s, p: broken_line(s.x),
@@ -117,8 +137,14 @@ FUNCTIONS = {
 
 
 def system_of(function, **options):
-    return System("test", states={"x": "m", "v": "m/s"}, parameters={"k": 1.0, "d": 0.0}, modes=[Mode("only", lambda t, s, p: (s.v, function(t, s, p)))],
-                  start={"x": 0.0, "v": 0.0}, **options)
+    return System(
+        "test",
+        states={"x": "m", "v": "m/s"},
+        parameters={"k": 1.0, "d": 0.0},
+        modes=[Mode("only", lambda t, s, p: (s.v, function(t, s, p)))],
+        start={"x": 0.0, "v": 0.0},
+        **options,
+    )
 
 
 @functools.cache
@@ -127,15 +153,26 @@ def compiled(name):
     flow = made.flows["only"]
     assert not isinstance(flow, Untraced), flow
     assert flow["x"] == made.states["v"]
-    return sp.lambdify([made.t, *made.states.values(), *made.parameters.values()], flow["v"], "math"), made.system
+    return sp.lambdify(
+        [made.t, *made.states.values(), *made.parameters.values()], flow["v"], "math"
+    ), made.system
 
 
-numbers = st.one_of(st.sampled_from([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0]), st.floats(-4, 4).filter(lambda x: abs(x) > 1e-6))
+numbers = st.one_of(
+    st.sampled_from([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0]),
+    st.floats(-4, 4).filter(lambda x: abs(x) > 1e-6),
+)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 @settings(max_examples=60, deadline=None)
-@given(t=st.floats(0, 7), x=numbers, v=numbers, k=st.one_of(st.sampled_from([0.5, 1.0, 1.5]), st.floats(0.1, 3)), d=numbers)
+@given(
+    t=st.floats(0, 7),
+    x=numbers,
+    v=numbers,
+    k=st.one_of(st.sampled_from([0.5, 1.0, 1.5]), st.floats(0.1, 3)),
+    d=numbers,
+)
 def test_formula_is_the_function(name, t, x, v, k, d):
     formula, system = compiled(name)
     p = system.P(k, d)
@@ -143,10 +180,17 @@ def test_formula_is_the_function(name, t, x, v, k, d):
     assert formula(t, x, v, k, d) == pytest.approx(exact, rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.parametrize("first", ["import labkit.equations", "from labkit import jacobian", "pass"])
+@pytest.mark.parametrize(
+    "first", ["import labkit.equations", "from labkit import jacobian", "pass"]
+)
 def test_name_of_function_and_module(first):
     code = f"{first}\nfrom labkit import equations, Mode, System\nprint(equations(System('s', states={{'x': ''}}, modes=[Mode('m', lambda t, s, p: (1.0,))], start={{'x': 0}})))"
-    assert "x' = 1" in subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE).stdout
+    assert (
+        "x' = 1"
+        in subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE
+        ).stdout
+    )
 
 
 def test_functions_are_left_alone():
@@ -168,12 +212,35 @@ def friction():
         return p.Fc
 
     return System(
-        "dry friction", states={"x": ("m", "spring"), "V": "m/s"},
-        parameters={"m": Parameter(1.0, "kg", "mass", 0.1, 5.0), "k": Parameter(2.0, "N/m", low=0.0), "Vp": 2.0, "Fs": 5.88, "Fc": 4.0, "V0": Parameter(1.0, symbol=r"\hat V")},
+        "dry friction",
+        states={"x": ("m", "spring"), "V": "m/s"},
+        parameters={
+            "m": Parameter(1.0, "kg", "mass", 0.1, 5.0),
+            "k": Parameter(2.0, "N/m", low=0.0),
+            "Vp": 2.0,
+            "Fs": 5.88,
+            "Fc": 4.0,
+            "V0": Parameter(1.0, symbol=r"\hat V"),
+        },
         modes=[Mode("stick", lambda t, s, p: (p.Vp, 0.0), meaning="at rest"), Mode("slip", slip)],
-        transitions=[Transition("stick", "slip", guard=lambda t, s, p: p.k * s.x - p.Fs, direction=1, label="breaks loose"),
-                     Transition("slip", "stick", guard=lambda t, s, p: s.V, direction=-1, reset=lambda t, s, p: (s.x, 0.0))],
-        start={"x": 0.0, "V": 0.0}, outputs={"F": Output({"slip": lambda t, s, p: F(s.V, p)}, "N")},
+        transitions=[
+            Transition(
+                "stick",
+                "slip",
+                guard=lambda t, s, p: p.k * s.x - p.Fs,
+                direction=1,
+                label="breaks loose",
+            ),
+            Transition(
+                "slip",
+                "stick",
+                guard=lambda t, s, p: s.V,
+                direction=-1,
+                reset=lambda t, s, p: (s.x, 0.0),
+            ),
+        ],
+        start={"x": 0.0, "V": 0.0},
+        outputs={"F": Output({"slip": lambda t, s, p: F(s.V, p)}, "N")},
     )
 
 
@@ -182,13 +249,22 @@ def test_display_keeps_the_helper_and_flows_write_it_out():
     text = made._repr_markdown_()
     assert r"\dot{x} &= V_{p} - V" in text
     assert r"\dot{V} &= \frac{k \, x - F\left(V\right)}{m}" in text
-    assert r"F\left(V\right) &= \begin{cases} \left(F_{s} - F_{c}\right) \, \left(1 - \frac{V}{\hat V}\right)^{2} + F_{c} & \text{for}\: V < \hat V" in text
+    assert (
+        r"F\left(V\right) &= \begin{cases} \left(F_{s} - F_{c}\right) \, \left(1 - \frac{V}{\hat V}\right)^{2} + F_{c} & \text{for}\: V < \hat V"
+        in text
+    )
     assert "- **breaks loose**, *stick* → *slip*: when $k \\, x - F_{s}$ rises through 0" in text
     assert "- *slip* → *stick*: when $V$ falls through 0; then $V^{+} = 0$" in text
-    assert "$x$ spring [m], $V$ [m/s]" in text and "Mode *stick* — at rest" in text and "Start in *stick* with $x = 0$ m, $V = 0$ m/s" in text
+    assert (
+        "$x$ spring [m], $V$ [m/s]" in text
+        and "Mode *stick* — at rest" in text
+        and "Start in *stick* with $x = 0$ m, $V = 0$ m/s" in text
+    )
     V, m, k, x, Fc = (sp.Symbol(n, real=True) for n in ("V", "m", "k", "x", "Fc"))
     assert made.flows["slip"]["V"].has(sp.Piecewise)
-    assert made.flows["slip"]["V"].subs(V, 3).subs(sp.Symbol("V0", real=True), 1) == (k * x - Fc) / m
+    assert (
+        made.flows["slip"]["V"].subs(V, 3).subs(sp.Symbol("V0", real=True), 1) == (k * x - Fc) / m
+    )
     assert made.guards[1] == V and made.resets == [None, {"x": x, "V": 0}]
     assert made.outputs["F"]["slip"].has(sp.Piecewise) and list(made.outputs["F"]) == ["slip"]
     assert "V' = " in repr(made)
@@ -196,7 +272,10 @@ def test_display_keeps_the_helper_and_flows_write_it_out():
 
 def test_one_helper_with_two_fixed_numbers_gives_two_definitions():
     text = equations(system_of(FUNCTIONS["helper in a helper"]))._repr_markdown_()
-    assert r"\mathrm{hysteresis}\left(x, v, k, 1\right) - \mathrm{hysteresis}\left(x, v, k, -1\right)" in text
+    assert (
+        r"\mathrm{hysteresis}\left(x, v, k, 1\right) - \mathrm{hysteresis}\left(x, v, k, -1\right)"
+        in text
+    )
     assert r"\mathrm{hysteresis}\left(x, v, a, -1\right) &= \begin{cases}" in text
 
 
@@ -205,12 +284,18 @@ def test_words_of_transitions():
         return s.x - p.k
 
     def text(**options):
-        return equations(system_of(FUNCTIONS["constant"], transitions=[Transition("only", **options)]))._repr_markdown_()
+        return equations(
+            system_of(FUNCTIONS["constant"], transitions=[Transition("only", **options)])
+        )._repr_markdown_()
 
     same = {"target": "only"}
     assert "when $x - k$ passes through 0\n" in text(guard=up, **same)
-    assert "rises through 0 by more than 0.1\n" in text(guard=up, direction=1, tolerance=0.1, **same)
-    assert "falls through 0, or is below 0 already when the mode is entered" in text(guard=up, direction=-1, urgent=True, **same)
+    assert "rises through 0 by more than 0.1\n" in text(
+        guard=up, direction=1, tolerance=0.1, **same
+    )
+    assert "falls through 0, or is below 0 already when the mode is entered" in text(
+        guard=up, direction=-1, urgent=True, **same
+    )
     assert "passes through 0, after a dead time of $k$" in text(guard=up, delay="k", **same)
     assert "after a dead time of $0.25$ s" in text(guard=up, delay=0.25, **same)
     assert "every $k$\n" in text(at=Every("k"), **same)
@@ -218,38 +303,61 @@ def test_words_of_transitions():
     assert "at $t$ = $25$ s, $d$\n" in text(at=At(25, "d"), **same)
     assert "*only* → **end of the run**: when" in text(guard=up, target=None)
     assert "over to *only* (priority 2)" in text(guard=up, zeno="only", priority=2, **same)
-    assert "; then $v^{+} = - k \\, v$" in text(guard=up, reset=lambda t, s, p: (s.x, -p.k * s.v), **same)
+    assert "; then $v^{+} = - k \\, v$" in text(
+        guard=up, reset=lambda t, s, p: (s.x, -p.k * s.v), **same
+    )
     assert "; the state is kept" in text(guard=up, reset=lambda t, s, p: (s.x, s.v), **same)
 
 
 def test_modes_with_states_of_their_own():
     torn = System(
-        "torn pendulum", states={"theta": "", "omega": "1/s"}, parameters={"L": 2.0, "g": 9.81},
-        modes=[Mode("swing", lambda t, s, p: (s.omega, -p.g / p.L * sin(s.theta))), Mode("flight", lambda t, s, p: (s.vx, -p.g), states={"x": "m", "vx": "m/s"})],
-        transitions=[Transition("swing", "flight", guard=lambda t, s, p: s.theta, reset=lambda t, s, p: (p.L * sin(s.theta), p.L * s.omega)),
-                     Transition(("swing", "flight"), "swing", at=At(1.0), reset=lambda t, s, p: (s[0], 0.0))],
+        "torn pendulum",
+        states={"theta": "", "omega": "1/s"},
+        parameters={"L": 2.0, "g": 9.81},
+        modes=[
+            Mode("swing", lambda t, s, p: (s.omega, -p.g / p.L * sin(s.theta))),
+            Mode("flight", lambda t, s, p: (s.vx, -p.g), states={"x": "m", "vx": "m/s"}),
+        ],
+        transitions=[
+            Transition(
+                "swing",
+                "flight",
+                guard=lambda t, s, p: s.theta,
+                reset=lambda t, s, p: (p.L * sin(s.theta), p.L * s.omega),
+            ),
+            Transition(("swing", "flight"), "swing", at=At(1.0), reset=lambda t, s, p: (s[0], 0.0)),
+        ],
         start={"theta": 1.0, "omega": 0.0},
     )
     made = equations(torn)
-    assert list(made.flows["flight"]) == ["x", "vx"] and made.flows["flight"]["vx"] == -sp.Symbol("g", real=True)
+    assert list(made.flows["flight"]) == ["x", "vx"] and made.flows["flight"]["vx"] == -sp.Symbol(
+        "g", real=True
+    )
     text = made._repr_markdown_()
     assert r"x^{+} = L \, \sin{\left(\theta \right)}" in text and r"v_{x}^{+} = L \, \omega" in text
-    assert r"\theta^{+} = x" in text  # the reset from flight reads other states than the one from swing
+    assert (
+        r"\theta^{+} = x" in text
+    )  # the reset from flight reads other states than the one from swing
 
 
-@pytest.mark.parametrize(("function", "why"), [
-    (lambda t, s, p: endless(s.x), "too many comparisons"),
-    (lambda t, s, p: many(s.x), "more than 64 branches"),
-    (lambda t, s, p: None, "returns nothing"),
-    (lambda t, s, p: s.x > 0, "true or false"),
-    (lambda t, s, p: round(s.x), "__round__"),
-    (lambda t, s, p: math.isqrt(s.x), "isqrt|integer"),
-    (lambda t, s, p: forever(s.x), "calls itself without end"),
-    (lambda t, s, p: s.wrong, "no attribute 'wrong'"),
-    (lambda t, s, p: (1.0, 2.0), "2 values"),
-])
+@pytest.mark.parametrize(
+    ("function", "why"),
+    [
+        (lambda t, s, p: endless(s.x), "too many comparisons"),
+        (lambda t, s, p: many(s.x), "more than 64 branches"),
+        (lambda t, s, p: None, "returns nothing"),
+        (lambda t, s, p: s.x > 0, "true or false"),
+        (lambda t, s, p: round(s.x), "__round__"),
+        (lambda t, s, p: math.isqrt(s.x), "isqrt|integer"),
+        (lambda t, s, p: forever(s.x), "calls itself without end"),
+        (lambda t, s, p: s.wrong, "no attribute 'wrong'"),
+        (lambda t, s, p: (1.0, 2.0), "2 values"),
+    ],
+)
 def test_what_is_no_formula_is_shown_as_code(function, why):
-    system = system_of(FUNCTIONS["constant"], transitions=[Transition("only", "only", guard=function)])
+    system = system_of(
+        FUNCTIONS["constant"], transitions=[Transition("only", "only", guard=function)]
+    )
     guard = equations(system).guards[0]
     assert isinstance(guard, Untraced)
     assert re.search(why, guard.why), guard.why
@@ -272,19 +380,31 @@ def forever(x):
 
 
 def test_flow_that_is_no_formula():
-    system = System("test", states={"x": "", "v": ""}, modes=[Mode("only", lambda t, s, p: (s.v, round(s.x)))], start={"x": 0, "v": 0})
+    system = System(
+        "test",
+        states={"x": "", "v": ""},
+        modes=[Mode("only", lambda t, s, p: (s.v, round(s.x)))],
+        start={"x": 0, "v": 0},
+    )
     text = equations(system)._repr_markdown_()
     assert "```python" in text and "round(s.x)" in text and "Shown as code, because" in text
     with pytest.raises(ModelError, match="flow of mode 'only' has no Jacobian"):
         jacobian(system)
-    wrong = System("test", states={"x": "", "v": ""}, modes=[Mode("only", lambda t, s, p: s.v)], start={"x": 0, "v": 0})
+    wrong = System(
+        "test",
+        states={"x": "", "v": ""},
+        modes=[Mode("only", lambda t, s, p: s.v)],
+        start={"x": 0, "v": 0},
+    )
     assert "it returns 1 values for the 2 states 'x', 'v'" in equations(wrong)._repr_markdown_()
 
 
 def test_source_that_is_not_at_hand():
     scope = {}
     exec("def flow(t, s, p):\n    return (round(s.x),)", scope)
-    text = equations(System("test", states={"x": ""}, modes=[Mode("only", scope["flow"])], start={"x": 0}))._repr_markdown_()
+    text = equations(
+        System("test", states={"x": ""}, modes=[Mode("only", scope["flow"])], start={"x": 0})
+    )._repr_markdown_()
     assert "flow(t, s, p)" in text and "not at hand" in text
 
 
@@ -292,18 +412,30 @@ def test_source_that_is_not_at_hand():
 @given(x=st.floats(-2, 2), v=st.floats(-2, 2), k=st.floats(0.5, 2))
 def test_jacobian_against_differences(x, v, k):
     def flow(t, s, p):
-        return s.v * sin(s.x), (p.k * s.x - stribeck(s, p)) + s.v**2 * np.sign(s.v) + math.floor(t) * s.x + s.x * (t % 2) + max(s.x, s.v)
+        return s.v * sin(s.x), (p.k * s.x - stribeck(s, p)) + s.v**2 * np.sign(s.v) + math.floor(
+            t
+        ) * s.x + s.x * (t % 2) + max(s.x, s.v)
 
-    system = System("test", states={"x": "", "v": ""}, parameters={"k": 1.0}, modes=[Mode("only", flow)], start={"x": 0, "v": 0})
+    system = System(
+        "test",
+        states={"x": "", "v": ""},
+        parameters={"k": 1.0},
+        modes=[Mode("only", flow)],
+        start={"x": 0, "v": 0},
+    )
     if min(abs(v), abs(v - k), abs(x - v)) < 1e-3:  # at a kink there is no derivative
         return
     h = 1e-5
     p = system.values({"k": k})
     columns = []
     for dx, dv in ((h, 0), (0, h)):
-        up, down = (np.array(flow(1.3, system.S["only"](x + a * dx, v + a * dv), p)) for a in (1, -1))
+        up, down = (
+            np.array(flow(1.3, system.S["only"](x + a * dx, v + a * dv), p)) for a in (1, -1)
+        )
         columns.append((up - down) / (2 * h))
-    assert jacobian(system).at({"x": x, "v": v}, t=1.3, k=k) == pytest.approx(np.array(columns).T, abs=1e-4)
+    assert jacobian(system).at({"x": x, "v": v}, t=1.3, k=k) == pytest.approx(
+        np.array(columns).T, abs=1e-4
+    )
 
 
 def test_jacobian():
@@ -316,7 +448,9 @@ def test_jacobian():
     assert matrix.at({"V": 2.0}).tolist() == [[0, -1], [2, 0]]
     assert matrix.at({"V": 0.5}, m=2.0)[1, 1] == pytest.approx(2 * (5.88 - 4) * 0.5 / 2)
     assert r"\hat V" in matrix._repr_latex_()
-    with pytest.raises(ModelError, match="'slide' is not a mode of 'dry friction'; there are 'stick', 'slip'"):
+    with pytest.raises(
+        ModelError, match="'slide' is not a mode of 'dry friction'; there are 'stick', 'slip'"
+    ):
         jacobian(system, "slide")
     with pytest.raises(ModelError, match="'q' is not a parameter"):
         matrix.at(q=1)
@@ -332,7 +466,13 @@ def test_parameter_table():
     assert table.rows[5][0] == r"$\hat V$"
     assert "| $F_{s}$ | `Fs` |  | 5.88 |  | any |" in table._repr_markdown_()
     assert "5.88" in repr(table)
-    big = System("b", states={"x": ""}, parameters={"M": 1e20, "G": 6.6743e-11, "p0": Parameter(101325.0, high=2e5), "a": -1}, modes=[Mode("m", lambda t, s, p: (0,))], start={"x": 0})
+    big = System(
+        "b",
+        states={"x": ""},
+        parameters={"M": 1e20, "G": 6.6743e-11, "p0": Parameter(101325.0, high=2e5), "a": -1},
+        modes=[Mode("m", lambda t, s, p: (0,))],
+        start={"x": 0},
+    )
     assert [row[3] for row in parameter_table(big).rows] == ["1e+20", "6.6743e−11", "101325", "−1"]
 
 
@@ -342,12 +482,39 @@ def test_only_a_system_has_equations(wrong):
         wrong("ball")
 
 
-@pytest.mark.parametrize(("name", "latex"), [
-    ("x", "x"), ("k1", "k_{1}"), ("x0", "x_{0}"), ("omega", r"\omega"), ("omega1", r"\omega_{1}"), ("F_s", "F_{s}"), ("Fs", "F_{s}"), ("Vp", "V_{p}"), ("iL", "i_{L}"),
-    ("Td", "T_{d}"), ("ktr", r"k_{\mathrm{tr}}"), ("vref", r"v_{\mathrm{ref}}"), ("Cmax", r"C_{\mathrm{max}}"), ("mass", r"\mathrm{mass}"), ("rod", r"\mathrm{rod}"),
-    ("lambda_", r"\lambda"), ("lam0", r"\lambda_{0}"), ("ω0", r"\omega_{0}"), ("phi", r"\varphi"), ("eps1", r"\varepsilon_{1}"), ("omega_high", r"\omega_{\mathrm{high}}"),
-    ("mass2", r"\mathrm{mass}_{2}"), ("T_c1", "T_{c1}"), ("on", r"\mathrm{on}"), ("Delta_x", r"\Delta_{x}"), ("mu", r"\mu"), ("p10", "p_{10}"), ("_", "_"),
-])
+@pytest.mark.parametrize(
+    ("name", "latex"),
+    [
+        ("x", "x"),
+        ("k1", "k_{1}"),
+        ("x0", "x_{0}"),
+        ("omega", r"\omega"),
+        ("omega1", r"\omega_{1}"),
+        ("F_s", "F_{s}"),
+        ("Fs", "F_{s}"),
+        ("Vp", "V_{p}"),
+        ("iL", "i_{L}"),
+        ("Td", "T_{d}"),
+        ("ktr", r"k_{\mathrm{tr}}"),
+        ("vref", r"v_{\mathrm{ref}}"),
+        ("Cmax", r"C_{\mathrm{max}}"),
+        ("mass", r"\mathrm{mass}"),
+        ("rod", r"\mathrm{rod}"),
+        ("lambda_", r"\lambda"),
+        ("lam0", r"\lambda_{0}"),
+        ("ω0", r"\omega_{0}"),
+        ("phi", r"\varphi"),
+        ("eps1", r"\varepsilon_{1}"),
+        ("omega_high", r"\omega_{\mathrm{high}}"),
+        ("mass2", r"\mathrm{mass}_{2}"),
+        ("T_c1", "T_{c1}"),
+        ("on", r"\mathrm{on}"),
+        ("Delta_x", r"\Delta_{x}"),
+        ("mu", r"\mu"),
+        ("p10", "p_{10}"),
+        ("_", "_"),
+    ],
+)
 def test_names_in_formulas(name, latex):
     assert latex_name(name) == latex
 
@@ -361,15 +528,55 @@ def test_sums_put_states_first_and_constants_last():
 
 def test_numbers_in_formulas():
     made = equations(system_of(FUNCTIONS["constants"]))
-    assert [made.latex(x) for x in (0.1, 2.0, 1e20, 6.6743e-11, 2 / 3, math.pi, 2 * math.pi / 3, "k", lambda p: p.k * p.d)] == [
-        "0.1", "2", "10^{20}", r"6.6743 \cdot 10^{-11}", "0.666667", r"\pi", r"\frac{2 \, \pi}{3}", "k", r"d \, k"]
+    assert [
+        made.latex(x)
+        for x in (
+            0.1,
+            2.0,
+            1e20,
+            6.6743e-11,
+            2 / 3,
+            math.pi,
+            2 * math.pi / 3,
+            "k",
+            lambda p: p.k * p.d,
+        )
+    ] == [
+        "0.1",
+        "2",
+        "10^{20}",
+        r"6.6743 \cdot 10^{-11}",
+        "0.666667",
+        r"\pi",
+        r"\frac{2 \, \pi}{3}",
+        "k",
+        r"d \, k",
+    ]
 
 
 def graph(n, edges, start=0):
     names = [f"mode {i}" for i in range(n)]
-    return System("graph", states={"x": ""}, parameters={"k": 1.0}, modes=[Mode(name, lambda t, s, p: (1.0,), meaning="a meaning" * (i % 2)) for i, name in enumerate(names)],
-                  transitions=[Transition(names[a], None if b == n else names[b], guard=lambda t, s, p: s.x - p.k, direction=1, label=label) for a, b, label in edges],
-                  start={"x": 0.0}, mode=names[start])
+    return System(
+        "graph",
+        states={"x": ""},
+        parameters={"k": 1.0},
+        modes=[
+            Mode(name, lambda t, s, p: (1.0,), meaning="a meaning" * (i % 2))
+            for i, name in enumerate(names)
+        ],
+        transitions=[
+            Transition(
+                names[a],
+                None if b == n else names[b],
+                guard=lambda t, s, p: s.x - p.k,
+                direction=1,
+                label=label,
+            )
+            for a, b, label in edges
+        ],
+        start={"x": 0.0},
+        mode=names[start],
+    )
 
 
 def check_labels(fig):
@@ -378,7 +585,12 @@ def check_labels(fig):
     texts = [text for text in fig.axes[0].texts if text.get_text()]
     boxes = [text.get_window_extent(renderer) for text in texts]
     for i, box in enumerate(boxes):
-        assert fig.bbox.x0 <= box.x0 and box.x1 <= fig.bbox.x1 and fig.bbox.y0 <= box.y0 and box.y1 <= fig.bbox.y1, texts[i]
+        assert (
+            fig.bbox.x0 <= box.x0
+            and box.x1 <= fig.bbox.x1
+            and fig.bbox.y0 <= box.y0
+            and box.y1 <= fig.bbox.y1
+        ), texts[i]
         for k in range(i):
             assert not box.overlaps(boxes[k]), (texts[i], texts[k])
     return texts
@@ -387,7 +599,11 @@ def check_labels(fig):
 @settings(max_examples=15, deadline=None)
 @given(data=st.data(), n=st.integers(1, 6))
 def test_labels_of_a_mode_diagram_never_overlap(data, n):
-    edge = st.tuples(st.integers(0, n - 1), st.integers(0, n), st.sampled_from(["", "up", "reaches the limit", "spring lets go of the block"]))
+    edge = st.tuples(
+        st.integers(0, n - 1),
+        st.integers(0, n),
+        st.sampled_from(["", "up", "reaches the limit", "spring lets go of the block"]),
+    )
     edges = data.draw(st.lists(edge, max_size=2 * n))
     texts = check_labels(mode_diagram(graph(n, edges, data.draw(st.integers(0, n - 1)))))
     words = " ".join(text.get_text().replace("\n", " ") for text in texts)
@@ -401,4 +617,6 @@ def test_mode_diagram_shows_conditions_and_is_the_same_every_time():
     fig = mode_diagram(friction())
     texts = [text.get_text() for text in check_labels(fig)]
     assert "breaks loose\n" + r"$k \, x - F_{s} \uparrow 0$" in texts and "at rest" in texts
-    assert fig._repr_png_() == mode_diagram(friction())._repr_png_() and len(fig._repr_png_()) < 60_000
+    assert (
+        fig._repr_png_() == mode_diagram(friction())._repr_png_() and len(fig._repr_png_()) < 60_000
+    )

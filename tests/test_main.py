@@ -14,7 +14,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def python(*words, **options):
-    return subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=120, **options)
+    return subprocess.run(
+        [sys.executable, *words], capture_output=True, text=True, timeout=120, **options
+    )
 
 
 # ---- before there is an environment
@@ -22,8 +24,10 @@ def python(*words, **options):
 
 def test_only_the_standard_library_is_needed_at_first():
     """Isolated and without site-packages, as on a bare machine."""
-    code = (f"import sys; sys.path.insert(0, {str(ROOT)!r}); import labkit.__main__\n"
-            "print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names) - {'labkit', '__main__'}))")
+    code = (
+        f"import sys; sys.path.insert(0, {str(ROOT)!r}); import labkit.__main__\n"
+        "print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names) - {'labkit', '__main__'}))"
+    )
     done = python("-I", "-S", "-c", code)
     assert done.stdout.strip() == "[]", done.stdout + done.stderr
 
@@ -33,12 +37,17 @@ def test_help():
     assert done.returncode == 0 and "python -m labkit test" in done.stdout
 
 
-@pytest.mark.parametrize("version, good", [((3, 10), False), ((3, 11), True), ((3, 14), True), ((3, 15), False)])
+@pytest.mark.parametrize(
+    "version, good", [((3, 10), False), ((3, 11), True), ((3, 14), True), ((3, 15), False)]
+)
 def test_the_python_version(version, good):
     if good:
         main.check_python(version)
     else:
-        with pytest.raises(main.SetupError, match=f"this is Python 3.{version[1]}; labkit needs Python 3.11 to 3.14"):
+        with pytest.raises(
+            main.SetupError,
+            match=f"this is Python 3.{version[1]}; labkit needs Python 3.11 to 3.14",
+        ):
             main.check_python(version)
 
 
@@ -59,7 +68,15 @@ def test_a_working_environment_is_kept_and_a_half_made_one_is_made_anew(tmp_path
     place = tmp_path / "env"
     venv.create(place, with_pip=False, symlinks=os.name != "nt")  # no pip in it
     run, made = subprocess.run, []
-    monkeypatch.setattr(main.subprocess, "run", lambda command, **options: made.append(command) or subprocess.CompletedProcess(command, 0) if "venv" in command else run(command, **options))
+    monkeypatch.setattr(
+        main.subprocess,
+        "run",
+        lambda command, **options: (
+            made.append(command) or subprocess.CompletedProcess(command, 0)
+            if "venv" in command
+            else run(command, **options)
+        ),
+    )
     main.make_environment(place)
     assert made == [[sys.executable, "-m", "venv", "--clear", place]]
     monkeypatch.setattr(main, "venv_python", lambda venv: Path(sys.executable))  # one with pip
@@ -72,10 +89,22 @@ def test_the_same_command_goes_to_the_environments_python(monkeypatch):
     monkeypatch.setattr(main, "make_environment", lambda: None)
     monkeypatch.setattr(main.sys, "prefix", "/somewhere/else")
     monkeypatch.setattr(main.os, "execve", lambda *all: seen.append(all) or 0, raising=False)
-    monkeypatch.setattr(main.subprocess, "run", lambda command, env: seen.append((command[0], command, env)) or subprocess.CompletedProcess(command, 0))
+    monkeypatch.setattr(
+        main.subprocess,
+        "run",
+        lambda command, env: (
+            seen.append((command[0], command, env)) or subprocess.CompletedProcess(command, 0)
+        ),
+    )
     main.main(["test", "-k", "panel"])
     place, command, environment = seen[0]
-    assert Path(place) == main.venv_python() and command[1:] == ["-m", "labkit", "test", "-k", "panel"]
+    assert Path(place) == main.venv_python() and command[1:] == [
+        "-m",
+        "labkit",
+        "test",
+        "-k",
+        "panel",
+    ]
     assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
 
 
@@ -84,10 +113,14 @@ def test_the_same_command_goes_to_the_environments_python(monkeypatch):
 
 @pytest.fixture
 def lock(tmp_path, monkeypatch):
-    (tmp_path / "environment.txt").write_text("numpy==2.4.6\n    # via labkit\npytest==9.2.0 ; python_version > '3'\n")
+    (tmp_path / "environment.txt").write_text(
+        "numpy==2.4.6\n    # via labkit\npytest==9.2.0 ; python_version > '3'\n"
+    )
     monkeypatch.setattr(main, "LOCK", tmp_path / "environment.txt")
     calls = []
-    monkeypatch.setattr(main, "install", lambda command, packages: calls.append((command, packages)))
+    monkeypatch.setattr(
+        main, "install", lambda command, packages: calls.append((command, packages))
+    )
     return calls
 
 
@@ -97,7 +130,11 @@ def test_packages_are_installed_once_for_each_lock(tmp_path, lock, capsys):
     main.fill_environment(purelib)
     main.fill_environment(purelib)
     ((command, packages),) = lock
-    assert command[-2:] == ["--requirement", str(main.LOCK)] and "--no-deps" in command and packages == 2
+    assert (
+        command[-2:] == ["--requirement", str(main.LOCK)]
+        and "--no-deps" in command
+        and packages == 2
+    )
     main.LOCK.write_text("numpy==2.5.5\n")
     main.fill_environment(purelib)
     assert len(lock) == 2
@@ -106,7 +143,9 @@ def test_packages_are_installed_once_for_each_lock(tmp_path, lock, capsys):
 def test_labkit_is_importable_from_every_folder_of_the_environment(tmp_path, lock):
     main.fill_environment(tmp_path)
     code = f"import site; site.addsitedir({str(tmp_path)!r}); import labkit; print(labkit.__file__)"
-    assert Path(python("-I", "-S", "-c", code, cwd=tmp_path).stdout.strip()).parent == ROOT / "labkit"
+    assert (
+        Path(python("-I", "-S", "-c", code, cwd=tmp_path).stdout.strip()).parent == ROOT / "labkit"
+    )
 
 
 def test_a_failed_installation_is_tried_again(tmp_path, lock, monkeypatch):
@@ -121,10 +160,16 @@ def test_a_failed_installation_is_tried_again(tmp_path, lock, monkeypatch):
     assert len(lock) == 1
 
 
-@pytest.mark.parametrize("last, mend", [
-    ("WARNING: NewConnectionError('<...>: Failed to establish a new connection: [Errno -2] Name or service not known')", "there is no network"),
-    ("ERROR: No matching distribution found for numpy==99", "show these lines to your teacher"),
-])
+@pytest.mark.parametrize(
+    "last, mend",
+    [
+        (
+            "WARNING: NewConnectionError('<...>: Failed to establish a new connection: [Errno -2] Name or service not known')",
+            "there is no network",
+        ),
+        ("ERROR: No matching distribution found for numpy==99", "show these lines to your teacher"),
+    ],
+)
 def test_pips_failure_is_told_with_the_mend(last, mend):
     pip = f"print('Collecting numpy==99'); print({last!r}); raise SystemExit(1)"
     with pytest.raises(main.SetupError) as caught:
@@ -133,7 +178,14 @@ def test_pips_failure_is_told_with_the_mend(last, mend):
 
 
 def test_pips_success(capsys):
-    main.install([sys.executable, "-c", "print('Collecting numpy==2.4.6'); print('Installing collected packages: numpy')"], 1)
+    main.install(
+        [
+            sys.executable,
+            "-c",
+            "print('Collecting numpy==2.4.6'); print('Installing collected packages: numpy')",
+        ],
+        1,
+    )
     assert "in place" in capsys.readouterr().out
 
 
@@ -143,33 +195,62 @@ def test_pips_success(capsys):
 def test_lab_opens_the_start_page_with_labkits_settings(monkeypatch):
     seen = []
     monkeypatch.setattr(main, "warm", lambda: seen.append("warm"))
-    monkeypatch.setattr(main.subprocess, "run", lambda command, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 7))
+    monkeypatch.setattr(
+        main.subprocess,
+        "run",
+        lambda command, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 7),
+    )
     assert main.main(["--here", "--no-browser"]) == 7
     _, (command, environment) = seen
-    assert command[1:3] == ["-m", "jupyterlab"] and "--LabApp.default_url=/lab/tree/notebooks/start.ipynb" in command and "--no-browser" in command
+    assert (
+        command[1:3] == ["-m", "jupyterlab"]
+        and "--LabApp.default_url=/lab/tree/notebooks/start.ipynb" in command
+        and "--no-browser" in command
+    )
     assert f"--ServerApp.root_dir={ROOT}" in command
     assert ("--allow-root" in command) == (hasattr(os, "geteuid") and os.geteuid() == 0)
     settings = Path(environment["JUPYTER_CONFIG_PATH"].split(os.pathsep)[0])
-    assert (settings / "jupyter_server_config.py").exists() and (settings / "labconfig" / "page_config.json").exists()
+    assert (settings / "jupyter_server_config.py").exists() and (
+        settings / "labconfig" / "page_config.json"
+    ).exists()
 
 
-@pytest.mark.parametrize("words, wanted, unwanted", [
-    ([], ["-n", "2", "--nbval-lax", str(ROOT / "tests"), str(ROOT / "notebooks")], []),
-    (["-n", "0", "-k", "panel"], ["-k", "panel", str(ROOT / "tests")], ["2"]),
-    (["tests/test_main.py::test_help"], ["tests/test_main.py::test_help"], [str(ROOT / "tests")]),
-])
+@pytest.mark.parametrize(
+    "words, wanted, unwanted",
+    [
+        ([], ["-n", "2", "--nbval-lax", str(ROOT / "tests"), str(ROOT / "notebooks")], []),
+        (["-n", "0", "-k", "panel"], ["-k", "panel", str(ROOT / "tests")], ["2"]),
+        (
+            ["tests/test_main.py::test_help"],
+            ["tests/test_main.py::test_help"],
+            [str(ROOT / "tests")],
+        ),
+    ],
+)
 def test_test_runs_all_tests_and_notebooks_unless_told_which(monkeypatch, words, wanted, unwanted):
     seen = []
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(main, "warm", lambda: None)
-    monkeypatch.setattr(main.subprocess, "run", lambda command, cwd, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 3))
+    monkeypatch.setattr(
+        main.subprocess,
+        "run",
+        lambda command, cwd, env: (
+            seen.append((command, env)) or subprocess.CompletedProcess(command, 3)
+        ),
+    )
     assert main.main(["--here", "test", *words]) == 3
     ((command, environment),) = seen
-    assert set(wanted) <= set(command) and not set(unwanted) & set(command) and environment["LABKIT_CHECK"] == "1"
+    assert (
+        set(wanted) <= set(command)
+        and not set(unwanted) & set(command)
+        and environment["LABKIT_CHECK"] == "1"
+    )
 
 
 def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):
-    monkeypatch.setattr(main, "check_python", lambda: (_ for _ in ()).throw(main.SetupError("this is Python 2")))
+    monkeypatch.setattr(
+        main, "check_python", lambda: (_ for _ in ()).throw(main.SetupError("this is Python 2"))
+    )
     assert main.main([]) == 1
     assert capsys.readouterr().err.strip() == "labkit: this is Python 2"
 
@@ -177,13 +258,27 @@ def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):
 # ---- one notebook as a page
 
 
-@pytest.mark.parametrize("word", ["part3/06", "part3/06_dc_dc_converter", "notebooks/part3/06_dc_dc_converter.ipynb", "06_dc"])
+@pytest.mark.parametrize(
+    "word",
+    ["part3/06", "part3/06_dc_dc_converter", "notebooks/part3/06_dc_dc_converter.ipynb", "06_dc"],
+)
 def test_show_finds_the_notebook_that_is_meant(word):
     command = main.show_command([word, "--no-browser"])
-    assert command[1:4] == ["-m", "voila", str(ROOT / "notebooks" / "part3" / "06_dc_dc_converter.ipynb")] and command[-1] == "--no-browser"
+    assert (
+        command[1:4]
+        == ["-m", "voila", str(ROOT / "notebooks" / "part3" / "06_dc_dc_converter.ipynb")]
+        and command[-1] == "--no-browser"
+    )
 
 
-@pytest.mark.parametrize("words, said", [([], "which notebook"), (["part9/1"], "is no notebook; say one of: .*start"), (["part3"], "is not one notebook; say one of: part3/00")])
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        ([], "which notebook"),
+        (["part9/1"], "is no notebook; say one of: .*start"),
+        (["part3"], "is not one notebook; say one of: part3/00"),
+    ],
+)
 def test_show_says_what_there_is_when_it_is_not_clear(words, said):
     with pytest.raises(main.SetupError, match=said):
         main.show_command(words)

@@ -2,7 +2,6 @@
 
 import io
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from labkit import Handle, Mode, ModelError, Motion, Parameter, System, explore, figure, load_npz, phase_portrait, simulate, time_plot
+from labkit import (
+    Handle,
+    Mode,
+    ModelError,
+    Motion,
+    Parameter,
+    System,
+    explore,
+    figure,
+    load_npz,
+    phase_portrait,
+    simulate,
+    time_plot,
+)
 from labkit.controls import _nice, _span, _symbol
 from labkit.panel import _verdict
 
@@ -26,10 +38,20 @@ def oscillator(limit=math.inf, **more):
     def flow(t, s, p):
         if p.delta > limit:
             raise ZeroDivisionError("no such damping")
-        return s.v, -p.omega0**2 * s.x - 2 * p.delta * s.v
+        return s.v, -(p.omega0**2) * s.x - 2 * p.delta * s.v
 
-    parameters = {"omega0": Parameter(2.0, "rad/s", "natural frequency", 0.5, 6.0), "delta": Parameter(0.15, "1/s", "damping", 0.0, 2.0), **more}
-    return System("damped oscillator", {"x": ("m", "elongation"), "v": "m/s"}, parameters, [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
+    parameters = {
+        "omega0": Parameter(2.0, "rad/s", "natural frequency", 0.5, 6.0),
+        "delta": Parameter(0.15, "1/s", "damping", 0.0, 2.0),
+        **more,
+    }
+    return System(
+        "damped oscillator",
+        {"x": ("m", "elongation"), "v": "m/s"},
+        parameters,
+        [Mode("motion", flow)],
+        start={"x": 1.0, "v": 0.0},
+    )
 
 
 def curves(run):
@@ -47,7 +69,10 @@ class Browser:
         self.seq += 1
         self.panel._handle_custom_msg({"seq": self.seq, "view": "here", **message}, [])
         answer, buffers = self.answers[-1]
-        assert len(self.answers) == self.seq and (answer["seq"], answer["view"]) == (self.seq, "here")  # one answer a message
+        assert len(self.answers) == self.seq and (answer["seq"], answer["view"]) == (
+            self.seq,
+            "here",
+        )  # one answer a message
         return answer, buffers
 
     def picture(self, settled=True, **values):
@@ -57,7 +82,7 @@ class Browser:
         points, parts, k = np.frombuffer(floats, "<f4").reshape(-1, 2), {}, 0
         for name, ops in answer["ops"].items():
             count = sum(op.get("n", 0) + op.get("at", 0) for op in ops)
-            parts[name], k = points[k:k + count], k + count
+            parts[name], k = points[k : k + count], k + count
         assert k == len(points)
         return parts
 
@@ -73,8 +98,22 @@ def browser():
 def test_sliders_come_from_the_model():
     panel = explore(oscillator(), 10.0, curves)
     made = {control.key: control for control in panel.controls}
-    assert list(made) == ["p.omega0", "p.delta", "start.x", "start.v", "t_end", "method", "rtol", "step"]
-    assert (made["p.omega0"].name, made["p.omega0"].index, made["p.omega0"].unit, made["p.omega0"].meaning) == ("ω", "0", "rad/s", "natural frequency")
+    assert list(made) == [
+        "p.omega0",
+        "p.delta",
+        "start.x",
+        "start.v",
+        "t_end",
+        "method",
+        "rtol",
+        "step",
+    ]
+    assert (
+        made["p.omega0"].name,
+        made["p.omega0"].index,
+        made["p.omega0"].unit,
+        made["p.omega0"].meaning,
+    ) == ("ω", "0", "rad/s", "natural frequency")
     assert (made["p.omega0"].low, made["p.omega0"].high, made["p.omega0"].value) == (0.5, 6.0, 2.0)
     assert made["start.v"].low < 0 < made["start.v"].high and made["start.x"].value == 1.0
     assert made["t_end"].value == 10.0 and made["t_end"].low < 10 < made["t_end"].high
@@ -87,12 +126,17 @@ def test_a_state_that_keeps_its_sign_has_a_slider_that_keeps_it():
 
 def test_a_start_slider_ends_where_the_model_refuses_to_start():
     made = {control.key: control for control in explore(stick_slip(), 10.0).controls}
-    assert made["start.x"].high == pytest.approx(2.94, abs=1e-6) and made["start.x"].low == 0.0  # beyond it does not stick
+    assert (
+        made["start.x"].high == pytest.approx(2.94, abs=1e-6) and made["start.x"].low == 0.0
+    )  # beyond it does not stick
 
 
 def test_which_sliders_and_ranges():
     def keys(**options):
-        return {control.key: (control.low, control.high) for control in explore(oscillator(), 10.0, curves, **options).controls}
+        return {
+            control.key: (control.low, control.high)
+            for control in explore(oscillator(), 10.0, curves, **options).controls
+        }
 
     assert keys(sliders={"delta": (0.1, 0.5), "x": False})["p.delta"] == (0.1, 0.5)
     assert "start.x" not in keys(sliders={"delta": (0.1, 0.5), "x": False})
@@ -100,25 +144,50 @@ def test_which_sliders_and_ranges():
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
     assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}
-    (control,) = explore(oscillator(), 10.0, curves, sliders={"delta": (0, 1, 0.25)}, start=False, method=False, omega0=3.0).controls[1:]
+    (control,) = explore(
+        oscillator(),
+        10.0,
+        curves,
+        sliders={"delta": (0, 1, 0.25)},
+        start=False,
+        method=False,
+        omega0=3.0,
+    ).controls[1:]
     assert control.step == 0.25
 
 
 def test_a_start_value_and_options_are_handed_on():
-    panel = explore(oscillator(), 10.0, curves, start={"x": 2.0}, omega0=3.0, points=50, method="RK45", rtol=1e-5)
+    panel = explore(
+        oscillator(),
+        10.0,
+        curves,
+        start={"x": 2.0},
+        omega0=3.0,
+        points=50,
+        method="RK45",
+        rtol=1e-5,
+    )
     assert panel.run.p.omega0 == 3.0 and len(panel.run) == 50 and panel.run.work.method == "RK45"
     assert panel.run.start == {"x": 2.0, "v": 0.0}
-    assert [panel.defaults[key] for key in ("p.omega0", "start.x", "method", "rtol")] == [3.0, 2.0, "RK45", 1e-5]
+    assert [panel.defaults[key] for key in ("p.omega0", "start.x", "method", "rtol")] == [
+        3.0,
+        2.0,
+        "RK45",
+        1e-5,
+    ]
 
 
-@pytest.mark.parametrize("options, words", [
-    ({"sliders": {"omega": (0, 1)}}, "'omega'"),
-    ({"sliders": ["w"]}, "'w'"),
-    ({"sliders": {"delta": 3}}, "'delta'"),
-    ({"sliders": {"delta": (0.15, 0.15)}}, "'delta'"),
-    ({"omega": 2.0}, "omega"),
-    ({"delta": 7.0}, "outside its range"),
-])
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"sliders": {"omega": (0, 1)}}, "'omega'"),
+        ({"sliders": ["w"]}, "'w'"),
+        ({"sliders": {"delta": 3}}, "'delta'"),
+        ({"sliders": {"delta": (0.15, 0.15)}}, "'delta'"),
+        ({"omega": 2.0}, "omega"),
+        ({"delta": 7.0}, "outside its range"),
+    ],
+)
 def test_bad_requests_are_refused_with_words(options, words):
     with pytest.raises(ModelError, match=words):
         explore(oscillator(), 10.0, curves, **options)
@@ -129,7 +198,11 @@ def test_a_horizon_that_is_no_number_is_refused():
         explore(oscillator(), math.nan, curves)
 
 
-@given(st.floats(-1e9, 1e9, allow_nan=False).filter(lambda x: x == 0 or abs(x) > 1e-9), st.booleans(), st.booleans())
+@given(
+    st.floats(-1e9, 1e9, allow_nan=False).filter(lambda x: x == 0 or abs(x) > 1e-9),
+    st.booleans(),
+    st.booleans(),
+)
 def test_a_range_holds_the_value_and_keeps_what_was_declared(value, has_low, has_high):
     low, high = (value - 1 if has_low else None), (value + 2 if has_high else None)
     made = _span(value, low, high)
@@ -145,8 +218,17 @@ def test_steps_are_round_numbers(value):
     assert f"{_nice(value):e}"[0] in "125"
 
 
-@pytest.mark.parametrize("name, latex, shown", [("omega0", None, ("ω", "0")), ("lam", r"\lambda_0", ("λ", "0")), ("F_max", None, ("F", "max")),
-                                                ("q", r"\frac{1}{2}", ("q", "")), ("mu", None, ("μ", "")), ("x", r"\dot x", ("x", ""))])
+@pytest.mark.parametrize(
+    "name, latex, shown",
+    [
+        ("omega0", None, ("ω", "0")),
+        ("lam", r"\lambda_0", ("λ", "0")),
+        ("F_max", None, ("F", "max")),
+        ("q", r"\frac{1}{2}", ("q", "")),
+        ("mu", None, ("μ", "")),
+        ("x", r"\dot x", ("x", "")),
+    ],
+)
 def test_names_are_shown_as_letters(name, latex, shown):
     assert _symbol(name, latex) == shown
 
@@ -157,30 +239,52 @@ def test_names_are_shown_as_letters(name, latex, shown):
 def test_the_static_picture_is_the_figure_and_always_the_same():
     first, second = (explore(oscillator(), 10.0, curves) for _ in range(2))
     data, metadata = first._repr_mimebundle_()
-    assert data["image/png"] == second._repr_mimebundle_()[0]["image/png"] == curves(first.run).figure.png()
-    assert data["text/plain"] == "panel of 'damped oscillator'" and "application/vnd.jupyter.widget-view+json" in data
+    assert (
+        data["image/png"]
+        == second._repr_mimebundle_()[0]["image/png"]
+        == curves(first.run).figure.png()
+    )
+    assert (
+        data["text/plain"] == "panel of 'damped oscillator'"
+        and "application/vnd.jupyter.widget-view+json" in data
+    )
     assert metadata["image/png"]["width"] == 864
 
 
 def test_only_what_has_changed_is_sent(browser):
     full, _ = browser.tell(kind="ready")
-    assert full["order"][0] == "s0" and set(full["ops"]) == set(full["order"]) and full["size"] == [864, 364]
+    assert (
+        full["order"][0] == "s0"
+        and set(full["ops"]) == set(full["order"])
+        and full["size"] == [864, 364]
+    )
     drag = browser.picture(settled=False, **{"p.delta": 0.16})
-    assert "order" not in browser.answers[-1][0] and {"m2", "m4"} <= set(drag) <= {name for name in full["order"] if name.startswith("m")}
-    assert all("s0" not in browser.picture(settled=False, **{"p.delta": delta}) for delta in (0.17, 0.18))
+    assert "order" not in browser.answers[-1][0] and {"m2", "m4"} <= set(drag) <= {
+        name for name in full["order"] if name.startswith("m")
+    }
+    assert all(
+        "s0" not in browser.picture(settled=False, **{"p.delta": delta}) for delta in (0.17, 0.18)
+    )
 
 
 def test_a_slider_changes_the_picture_and_back(browser):
     start, other, back = (browser.picture(**{"p.delta": delta}) for delta in (0.15, 0.9, 0.15))
     lines = [name for name in start if name.startswith("m") and len(start[name])]
-    assert lines and all(not np.array_equal(start[name], other[name]) and np.array_equal(start[name], back[name], equal_nan=True) for name in lines)
+    assert lines and all(
+        not np.array_equal(start[name], other[name])
+        and np.array_equal(start[name], back[name], equal_nan=True)
+        for name in lines
+    )
 
 
 def test_a_picture_is_of_the_screens_resolution(browser):
     browser.tell(kind="ready")
     one, two = (browser.tell(kind="set", values={}, ratio=ratio)[0]["size"] for ratio in (1.0, 2.0))
     assert (one, two) == ([864, 364], [1728, 729])
-    assert browser.tell(kind="set", values={}, ratio=99.0)[0]["size"] == [2592, 1094]  # no page can ask for a picture without end
+    assert browser.tell(kind="set", values={}, ratio=99.0)[0]["size"] == [
+        2592,
+        1094,
+    ]  # no page can ask for a picture without end
 
 
 def test_new_limits_redraw_the_still_part_and_axes_stay_until_the_hand_rests(browser):
@@ -188,8 +292,14 @@ def test_new_limits_redraw_the_still_part_and_axes_stay_until_the_hand_rests(bro
     browser.picture()
     before, place = view.axes[0].get_ylim(), view.axes[0].bbox.bounds
     parts = browser.picture(settled=False, **key)
-    assert view.axes[0].get_ylim() != before and {"s0", "m0"} <= set(parts) and view.axes[0].bbox.bounds == place
-    assert "s0" in browser.picture(**key) and view.axes[0].bbox.bounds != place  # wider numbers at the ticks
+    assert (
+        view.axes[0].get_ylim() != before
+        and {"s0", "m0"} <= set(parts)
+        and view.axes[0].bbox.bounds == place
+    )
+    assert (
+        "s0" in browser.picture(**key) and view.axes[0].bbox.bounds != place
+    )  # wider numbers at the ticks
     assert "s0" not in browser.picture(**key)
 
 
@@ -199,11 +309,15 @@ def test_limits_that_moved_in_an_update_without_a_picture_are_not_forgotten(brow
     assert "s0" in browser.picture()
 
 
-def test_a_picture_with_too_many_points_is_a_bitmap_and_then_all_is_sent_again(browser, monkeypatch):
+def test_a_picture_with_too_many_points_is_a_bitmap_and_then_all_is_sent_again(
+    browser, monkeypatch
+):
     browser.picture()
     monkeypatch.setattr("labkit.panel.MOST", 100)
     answer, (data,) = browser.tell(kind="set", values={"p.delta": 0.3}, ratio=2.0)
-    assert answer["mime"] == "image/jpeg" and list(Image.open(io.BytesIO(data)).size) == answer["size"] == [1728, 729]
+    assert answer["mime"] == "image/jpeg" and list(Image.open(io.BytesIO(data)).size) == answer[
+        "size"
+    ] == [1728, 729]
     monkeypatch.undo()
     assert "s0" in browser.picture(**{"p.delta": 0.4})
 
@@ -216,7 +330,11 @@ def test_several_views_in_one_figure_move_together():
     browser = Browser(explore(oscillator(), 10.0, both))
     one, two = browser.picture(**{"p.delta": 0.15}), browser.picture(**{"p.delta": 0.9})
     moved = [name for name in two if not np.array_equal(one[name], two[name], equal_nan=True)]
-    assert {str(browser.panel.view.artists[int(name[1:])].axes is browser.panel.view.figure.axes[0]) for name in moved if name[0] == "m"} == {"True", "False"}
+    assert {
+        str(browser.panel.view.artists[int(name[1:])].axes is browser.panel.view.figure.axes[0])
+        for name in moved
+        if name[0] == "m"
+    } == {"True", "False"}
 
 
 # ---- messages
@@ -225,9 +343,16 @@ def test_several_views_in_one_figure_move_together():
 def test_values_add_up_and_ready_tells_them(browser):
     browser.picture(**{"p.delta": 0.5})
     answer, _ = browser.tell(kind="set", values={"method": "RK4", "step": 0.05}, settled=False)
-    assert browser.panel.run.work.steps == pytest.approx(200, abs=1) and "RK4" == browser.panel.run.work.method
+    assert (
+        browser.panel.run.work.steps == pytest.approx(200, abs=1)
+        and browser.panel.run.work.method == "RK4"
+    )
     answer, buffers = browser.tell(kind="ready", ratio=1.5)
-    assert answer["values"]["p.delta"] == 0.5 and answer["values"]["method"] == "RK4" and len(buffers) == 2
+    assert (
+        answer["values"]["p.delta"] == 0.5
+        and answer["values"]["method"] == "RK4"
+        and len(buffers) == 2
+    )
 
 
 def test_a_tolerance_reaches_the_solver(browser):
@@ -242,13 +367,18 @@ def test_the_verdict_is_the_notebooks_or_tells_events_and_work():
     panel = explore(ball(), 15.0, verdict=lambda run: f"{len(run.events)} bounces", method=False)
     assert panel.spec["verdict"].endswith(" bounces")
     text = _verdict(simulate(ball(zeno=None), 5.0))
-    assert text.startswith("finished at 5 s; 2 events (2 \"bounce\"); ") and " steps, " in text
+    assert text.startswith('finished at 5 s; 2 events (2 "bounce"); ') and " steps, " in text
 
 
 def test_a_models_error_is_shown_as_it_is_and_the_run_stays(browser):
     before = browser.panel.run
     answer, buffers = browser.tell(kind="set", values={"p.delta": 7.0})
-    assert answer["kind"] == "error" and answer["text"] == "parameter 'delta' = 7 is outside its range [0, 2] 1/s" and "trace" not in answer and not buffers
+    assert (
+        answer["kind"] == "error"
+        and answer["text"] == "parameter 'delta' = 7 is outside its range [0, 2] 1/s"
+        and "trace" not in answer
+        and not buffers
+    )
     assert browser.panel.run is before and browser.panel.values["p.delta"] == 0.15
     browser.picture(**{"p.delta": 0.2})
 
@@ -259,13 +389,30 @@ def test_any_other_error_is_a_sentence_with_its_traceback():
 
     browser = Browser(explore(oscillator(), 10.0, curves, verdict=verdict))
     answer, _ = browser.tell(kind="set", values={"p.delta": 0.5})
-    assert answer["kind"] == "error" and "division by zero" in answer["text"] and "in verdict" in answer["trace"]
+    assert (
+        answer["kind"] == "error"
+        and "division by zero" in answer["text"]
+        and "in verdict" in answer["trace"]
+    )
 
 
 def test_choices_switch_between_variants():
     slow = oscillator()
-    panel = explore(oscillator(), 10.0, curves, choices={"variant": {"as printed": {}, "with damping": {"delta": 1.5}, "other model": {"system": slow, "omega0": 0.5}}})
-    assert "p.delta" not in panel.defaults and "p.omega0" not in panel.defaults  # what a choice sets has no slider
+    panel = explore(
+        oscillator(),
+        10.0,
+        curves,
+        choices={
+            "variant": {
+                "as printed": {},
+                "with damping": {"delta": 1.5},
+                "other model": {"system": slow, "omega0": 0.5},
+            }
+        },
+    )
+    assert (
+        "p.delta" not in panel.defaults and "p.omega0" not in panel.defaults
+    )  # what a choice sets has no slider
     browser = Browser(panel)
     browser.picture(**{"choice.variant": "with damping"})
     assert panel.run.p.delta == 1.5
@@ -278,12 +425,22 @@ def test_choices_switch_between_variants():
 
 def both(run):
     fig = figure(1, 2)
-    return [time_plot(run, "x", axes=fig.axes[0]), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=fig.axes[1])]
+    return [
+        time_plot(run, "x", axes=fig.axes[0]),
+        phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=fig.axes[1]),
+    ]
 
 
 @pytest.fixture
 def hands():
-    browser = Browser(explore(oscillator(), 10.0, both, presets={"no damping": {"delta": 0.0}, "from below": {"x": -1.0, "method": "RK45"}}))
+    browser = Browser(
+        explore(
+            oscillator(),
+            10.0,
+            both,
+            presets={"no damping": {"delta": 0.0}, "from below": {"x": -1.0, "method": "RK45"}},
+        )
+    )
     browser.tell(kind="ready")
     return browser
 
@@ -304,18 +461,28 @@ def test_a_click_starts_a_trajectory_that_stays_and_follows_the_sliders(hands):
     np.testing.assert_allclose((x[0], v[0]), (1.5, -2.0), atol=1e-9)
     np.testing.assert_allclose(x[:-1], exact["x"], atol=1e-6)
     hands.picture(**{"p.delta": 1.0})
-    np.testing.assert_allclose(np.array(curve.get_data())[0, :-1], simulate(oscillator(), 10.0, start={"x": 1.5, "v": -2.0}, delta=1.0)["x"], atol=1e-6)
+    np.testing.assert_allclose(
+        np.array(curve.get_data())[0, :-1],
+        simulate(oscillator(), 10.0, start={"x": 1.5, "v": -2.0}, delta=1.0)["x"],
+        atol=1e-6,
+    )
     hands.tell(kind="start", axes=1, **pixel(hands, 1, -1.0, 1.0))
     assert hands.tell(kind="clear", last=1)[0]["begun"] == 1
     assert hands.tell(kind="clear")[0]["begun"] == 0 and len(curve.get_xdata()) == 0
-    assert hands.tell(kind="start", axes=0, x=100, y=100)[0]["kind"] == "error"  # a time plot is no plane
+    assert (
+        hands.tell(kind="start", axes=0, x=100, y=100)[0]["kind"] == "error"
+    )  # a time plot is no plane
 
 
 def test_a_place_where_no_run_can_start_is_a_sentence_and_leaves_nothing():
     hands = Browser(explore(stick_slip(), 10.0))
     hands.tell(kind="ready")
     answer, _ = hands.tell(kind="start", axes=1, **pixel(hands, 1, 50.0, 0.0))
-    assert answer["kind"] == "error" and "trace" not in answer and hands.tell(kind="ready")[0]["begun"] == 0
+    assert (
+        answer["kind"] == "error"
+        and "trace" not in answer
+        and hands.tell(kind="ready")[0]["begun"] == 0
+    )
 
 
 def test_dragging_the_start_moves_the_run_and_stays_in_the_sliders_range(hands):
@@ -324,19 +491,31 @@ def test_dragging_the_start_moves_the_run_and_stays_in_the_sliders_range(hands):
     where = pixel(hands, 1, 1.0, 0.0)
     np.testing.assert_allclose(told["grips"], [[where["x"], where["y"]]], atol=1e-6)
     answer, _ = hands.tell(kind="drag", handle=0, settled=False, **pixel(hands, 1, -0.7, 1.2))
-    assert answer["values"]["start.x"] == pytest.approx(-0.7, abs=0.006) and answer["values"]["start.v"] == pytest.approx(1.2, abs=0.011)
-    assert hands.panel.run.start == {"x": answer["values"]["start.x"], "v": answer["values"]["start.v"]}
+    assert answer["values"]["start.x"] == pytest.approx(-0.7, abs=0.006) and answer["values"][
+        "start.v"
+    ] == pytest.approx(1.2, abs=0.011)
+    assert hands.panel.run.start == {
+        "x": answer["values"]["start.x"],
+        "v": answer["values"]["start.v"],
+    }
     answer, _ = hands.tell(kind="drag", handle=0, x=1e6, y=0.0)
     made = {control.key: control for control in hands.panel.controls}
-    assert answer["values"]["start.x"] == made["start.x"].high and answer["values"]["start.v"] <= made["start.v"].high
+    assert (
+        answer["values"]["start.x"] == made["start.x"].high
+        and answer["values"]["start.v"] <= made["start.v"].high
+    )
 
 
 def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
     def draw(run):
         fig = figure(1, 2)
         fig.axes[1].set(xlim=(-3, 1), ylim=(-7, 7))  # the eigenvalues −δ ± i√(ω² − δ²)
-        root = Handle(fig.axes[1], place=lambda run: (-run.p.delta, math.sqrt(run.p.omega0**2 - run.p.delta**2)),
-                      values=lambda re, im: {"delta": -re, "omega0": math.hypot(re, im)}, meaning="eigenvalue")
+        root = Handle(
+            fig.axes[1],
+            place=lambda run: (-run.p.delta, math.sqrt(run.p.omega0**2 - run.p.delta**2)),
+            values=lambda re, im: {"delta": -re, "omega0": math.hypot(re, im)},
+            meaning="eigenvalue",
+        )
         return [time_plot(run, "x", axes=fig.axes[0]), root]
 
     hands = Browser(explore(oscillator(), 10.0, draw))
@@ -344,7 +523,10 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
     where = pixel(hands, 1, -0.15, math.sqrt(4 - 0.15**2))
     np.testing.assert_allclose(told["grips"], [[where["x"], where["y"]]], atol=1e-6)
     answer, _ = hands.tell(kind="drag", handle=0, **pixel(hands, 1, -0.6, 3.0))
-    assert (answer["values"]["p.delta"], answer["values"]["p.omega0"]) == (pytest.approx(0.6), pytest.approx(math.hypot(0.6, 3), abs=0.011))
+    assert (answer["values"]["p.delta"], answer["values"]["p.omega0"]) == (
+        pytest.approx(0.6),
+        pytest.approx(math.hypot(0.6, 3), abs=0.011),
+    )
     assert hands.panel.run.p.delta == pytest.approx(0.6)
     with pytest.raises(ModelError, match="Handle needs"):
         Handle(hands.panel.figure.axes[0], "delta")
@@ -353,11 +535,21 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
 def test_the_cursor_tells_values_at_an_instant_in_all_axes(hands):
     answer, _ = hands.tell(kind="cursor", axes=0, **pixel(hands, 0, 3.0, 0.0))
     values = hands.panel.run.at(answer["t"])
-    assert answer["t"] == pytest.approx(3.0) and answer["reading"].startswith("t = 3 s: x = ") and f"{values['x']:.4g}".replace("-", "−") in answer["reading"]
+    assert (
+        answer["t"] == pytest.approx(3.0)
+        and answer["reading"].startswith("t = 3 s: x = ")
+        and f"{values['x']:.4g}".replace("-", "−") in answer["reading"]
+    )
     (line, _), (dot, place) = hands.panel.overlay.lines, hands.panel.overlay.dots
     np.testing.assert_allclose(line.get_xdata(), answer["t"])
-    np.testing.assert_allclose([dot.get_data(), place.get_data()], [[[answer["t"]], [values["x"]]], [[values["x"]], [values["v"]]]])
-    assert set(answer["ops"]) <= {name for name in answer["ops"] if name.startswith("m")} and len(answer["ops"]) <= 4  # nothing else is drawn
+    np.testing.assert_allclose(
+        [dot.get_data(), place.get_data()],
+        [[[answer["t"]], [values["x"]]], [[values["x"]], [values["v"]]]],
+    )
+    assert (
+        set(answer["ops"]) <= {name for name in answer["ops"] if name.startswith("m")}
+        and len(answer["ops"]) <= 4
+    )  # nothing else is drawn
     assert hands.tell(kind="cursor", t=99.0)[0]["t"] == 10.0
     answer, _ = hands.tell(kind="set", values={"t_end": 5.0})
     assert answer["t"] == 5.0  # it stays inside the run
@@ -374,13 +566,21 @@ def test_zoom_and_back(hands):
     axes = hands.panel.figure.axes[0]
     before = axes.get_xlim(), axes.get_ylim()
     answer, _ = hands.tell(kind="limits", axes=0, limits=[2.0, -0.5, 4.0, 0.5], settled=False)
-    assert axes.get_xlim() == (2.0, 4.0) and axes.get_ylim() == (-0.5, 0.5) and not answer["axes"][0]["home"] and "s0" in answer["ops"]
+    assert (
+        axes.get_xlim() == (2.0, 4.0)
+        and axes.get_ylim() == (-0.5, 0.5)
+        and not answer["axes"][0]["home"]
+        and "s0" in answer["ops"]
+    )
     hands.picture(**{"start.x": 2.0})
     assert axes.get_xlim() == (2.0, 4.0)  # a zoom is the user's
     hands.picture(**{"start.x": 1.0})
     answer, _ = hands.tell(kind="limits", axes=0, limits=None)
     assert (axes.get_xlim(), axes.get_ylim()) == before and answer["axes"][0]["home"]
-    assert hands.tell(kind="limits", axes=0, limits=[2.0, 0.0, 2.0, 1.0])[0]["kind"] == "error" and axes.get_xlim() == before[0]
+    assert (
+        hands.tell(kind="limits", axes=0, limits=[2.0, 0.0, 2.0, 1.0])[0]["kind"] == "error"
+        and axes.get_xlim() == before[0]
+    )
 
 
 def test_zoom_of_logarithmic_axes_is_linear_in_pixels():
@@ -410,7 +610,13 @@ def test_a_held_run_stays_as_a_ghost(hands):
 
 def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_the_axes(hands):
     def tallest(answer):
-        return max(op["image"][3] for name, ops in answer["ops"].items() if name[0] == "s" for op in ops if "image" in op)
+        return max(
+            op["image"][3]
+            for name, ops in answer["ops"].items()
+            if name[0] == "s"
+            for op in ops
+            if "image" in op
+        )
 
     def letters():
         answer, _ = hands.tell(kind="ready")
@@ -424,7 +630,9 @@ def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_
     assert letters()[0] == size and letters()[1] > 1.25 * small
     hands.tell(kind="large", on=False)
     assert letters() == (size, small)
-    narrow, _ = hands.tell(kind="ready", ratio=0.5, scale=0.5)  # a narrow page: half the size, but not half the letters
+    narrow, _ = hands.tell(
+        kind="ready", ratio=0.5, scale=0.5
+    )  # a narrow page: half the size, but not half the letters
     assert narrow["size"] == [side // 2 for side in size] and tallest(narrow) > 0.75 * small
     assert letters() == (size, small)
     hands.picture(**{"start.x": 2.01})
@@ -432,7 +640,10 @@ def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_
 
 
 def test_presets(hands, monkeypatch):
-    assert hands.panel.spec["presets"] == {"no damping": {"p.delta": 0.0}, "from below": {"start.x": -1.0, "method": "RK45"}}
+    assert hands.panel.spec["presets"] == {
+        "no damping": {"p.delta": 0.0},
+        "from below": {"start.x": -1.0, "method": "RK45"},
+    }
     hands.picture(**{"p.omega0": 5.0})
     answer, _ = hands.tell(kind="set", values={"p.delta": 0.0}, reset=True)
     assert answer["values"]["p.omega0"] == 2.0 and hands.panel.run.p.delta == 0.0
@@ -463,14 +674,21 @@ def test_a_mechanism_moves_with_the_cursor_and_redraws_nothing_else():
     blocks = []
     for t in (2.0, 4.0):
         answer, (floats, _) = hands.tell(kind="cursor", t=t)
-        assert name in answer["ops"] and "order" not in answer and seen[-1][:2] == (t, hands.panel.run.at(t)["x"])
+        assert (
+            name in answer["ops"]
+            and "order" not in answer
+            and seen[-1][:2] == (t, hands.panel.run.at(t)["x"])
+        )
         blocks.append(floats)
     assert blocks[0] != blocks[1]
     assert len(hands.panel.figure.axes[1].get_children()) < 20  # nothing piles up
 
 
 def test_an_alternative_text_says_what_is_shown(hands):
-    assert hands.panel.spec["alt"] == "damped oscillator: damped oscillator, x [m] over t [s]; damped oscillator, v [m/s] over x [m]"
+    assert (
+        hands.panel.spec["alt"]
+        == "damped oscillator: damped oscillator, x [m] over t [s]; damped oscillator, v [m/s] over x [m]"
+    )
 
 
 def test_what_a_panel_cannot_do_is_said(hands):
@@ -485,8 +703,15 @@ def test_check_tries_both_ends_of_every_slider(monkeypatch):
     monkeypatch.setenv("LABKIT_CHECK", "1")
     explore(oscillator(), 5.0, curves)
     seen = []
-    explore(oscillator(), 5.0, curves, verdict=lambda run: seen.append((run.p.delta, run.work.method)) or "")
-    assert {0.0, 2.0} <= {delta for delta, _ in seen} and {"Euler", "LSODA", "BDF"} <= {method for _, method in seen}
+    explore(
+        oscillator(),
+        5.0,
+        curves,
+        verdict=lambda run: seen.append((run.p.delta, run.work.method)) or "",
+    )
+    assert {0.0, 2.0} <= {delta for delta, _ in seen} and {"Euler", "LSODA", "BDF"} <= {
+        method for _, method in seen
+    }
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, ModelError])
@@ -509,18 +734,32 @@ def test_check_lets_errors_out_and_names_the_slider(monkeypatch, error):
 def test_exports_go_beside_the_notebook_and_write_over_nothing(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     browser.picture(**{"p.delta": 0.4})
-    texts = [browser.tell(kind="export", what=what)[0]["text"] for what in ("csv", "csv", "npz", "png")]
-    assert [text.rsplit("/", 1)[-1].rsplit("\\", 1)[-1] for text in texts] == [f"damped_oscillator{end}" for end in (".csv", "_2.csv", ".npz", ".png")]
+    texts = [
+        browser.tell(kind="export", what=what)[0]["text"] for what in ("csv", "csv", "npz", "png")
+    ]
+    assert [text.rsplit("/", 1)[-1].rsplit("\\", 1)[-1] for text in texts] == [
+        f"damped_oscillator{end}" for end in (".csv", "_2.csv", ".npz", ".png")
+    ]
     assert load_npz("damped_oscillator.npz")["p.delta"] == 0.4
     assert Image.open("damped_oscillator.png").width >= 1200
-    assert len((tmp_path / "damped_oscillator.csv").read_text(encoding="utf-8").splitlines()) == len(browser.panel.run) + 1
+    assert (
+        len((tmp_path / "damped_oscillator.csv").read_text(encoding="utf-8").splitlines())
+        == len(browser.panel.run) + 1
+    )
 
 
 def test_an_export_that_cannot_be_written_is_a_sentence(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tempfile.NamedTemporaryFile", lambda **_: (_ for _ in ()).throw(PermissionError(13, "Permission denied")))
+    monkeypatch.setattr(
+        "tempfile.NamedTemporaryFile",
+        lambda **_: (_ for _ in ()).throw(PermissionError(13, "Permission denied")),
+    )
     for what in ("csv", "npz", "png"):
         answer, _ = browser.tell(kind="export", what=what)
-        assert answer["kind"] == "error" and "cannot be written" in answer["text"] and "trace" not in answer
+        assert (
+            answer["kind"] == "error"
+            and "cannot be written" in answer["text"]
+            and "trace" not in answer
+        )
     assert not list(tmp_path.iterdir())
     assert browser.tell(kind="export", what="xls")[0]["kind"] == "error"

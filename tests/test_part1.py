@@ -6,13 +6,49 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from labkit import affine, assignment, check_design, classify, equilibrium, exact, explore, planes, simulate, true_error
+from labkit import (
+    affine,
+    assignment,
+    check_design,
+    classify,
+    equilibrium,
+    exact,
+    explore,
+    planes,
+    simulate,
+    true_error,
+)
 
 from .helpers import load
 
-TYPES = ("stable node", "unstable node", "stable star", "unstable star", "stable improper node", "unstable improper node", "saddle", "centre",
-         "stable spiral point", "unstable spiral point", "stable node", "unstable node")
-BY = ("matrix A", "matrix B", "reflection", "rotation", "matrix A", "matrix B", "reflection", "rotation", "matrix A", "matrix B", "reflection", "rotation")
+TYPES = (
+    "stable node",
+    "unstable node",
+    "stable star",
+    "unstable star",
+    "stable improper node",
+    "unstable improper node",
+    "saddle",
+    "centre",
+    "stable spiral point",
+    "unstable spiral point",
+    "stable node",
+    "unstable node",
+)
+BY = (
+    "matrix A",
+    "matrix B",
+    "reflection",
+    "rotation",
+    "matrix A",
+    "matrix B",
+    "reflection",
+    "rotation",
+    "matrix A",
+    "matrix B",
+    "reflection",
+    "rotation",
+)
 NUMBERS = [n for n in range(1, 13) if assignment(1, n).exists]
 
 
@@ -27,7 +63,12 @@ def book(number):
 
 
 def test_the_course_and_this_test_agree(number):
-    words = assignment(1, number).title.lower().replace("elliptic point", "centre").replace("spiral", "spiral point")
+    words = (
+        assignment(1, number)
+        .title.lower()
+        .replace("elliptic point", "centre")
+        .replace("spiral", "spiral point")
+    )
     assert words == f"{TYPES[number - 1]}, {BY[number - 1]}".lower()
 
 
@@ -37,19 +78,28 @@ def test_type_equilibrium_and_transformation(number, book):
     _, similarity = book["parts"](book["system"].values())
     review = check_design(A, b, similarity.S, TYPES[number - 1], BY[number - 1])
     assert review.passed, review
-    assert check_design(book["my_A"], book["my_b"], book["my_S"], TYPES[number - 1], BY[number - 1]).passed
+    assert check_design(
+        book["my_A"], book["my_b"], book["my_S"], TYPES[number - 1], BY[number - 1]
+    ).passed
     mode = next(iter(book["system"].modes.values()))
     x, y = equilibrium(A, b)
-    assert mode.flow(0.0, book["system"].S[mode.name](x, y), book["system"].values()) == pytest.approx((0, 0), abs=1e-12)
+    assert mode.flow(
+        0.0, book["system"].S[mode.name](x, y), book["system"].values()
+    ) == pytest.approx((0, 0), abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data())
 def test_every_position_of_the_sliders(number, data):
     """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays, unless a border is stated for them."""
     book = load(assignment(1, number).path)
     system = book["system"]
-    values = {name: data.draw(st.floats(p.low, p.high), label=name) for name, p in system.parameters.items()}
+    values = {
+        name: data.draw(st.floats(p.low, p.high), label=name)
+        for name, p in system.parameters.items()
+    }
     p = system.values(values)
     assume(book.get("allowed", lambda p: True)(p))
     Lambda, (S, inverse) = book["parts"](p)
@@ -58,7 +108,11 @@ def test_every_position_of_the_sliders(number, data):
     assert S @ inverse == pytest.approx(np.eye(2), abs=1e-9)
     assert S @ Lambda @ inverse == pytest.approx(A, rel=1e-7, abs=1e-9)
     assert np.trace(A) == pytest.approx(np.trace(Lambda), abs=1e-6)
-    if min(np.linalg.svd(Lambda)[1]) > 1e-3 and abs(np.subtract(*np.linalg.eigvals(Lambda))) > 0.05 and np.linalg.cond(S) < 30:
+    if (
+        min(np.linalg.svd(Lambda)[1]) > 1e-3
+        and abs(np.subtract(*np.linalg.eigvals(Lambda))) > 0.05
+        and np.linalg.cond(S) < 30
+    ):
         assert classify(A, 1e-8) == classify(Lambda, 1e-8)
 
 
@@ -67,9 +121,18 @@ def test_simulated_against_exact_at_1e_10(number, book):
     system, horizon = book["system"], book["horizon"]
     rest = equilibrium(*affine(system))
     names = system.states
-    method = "RK45" if number == 11 else "DOP853"  # stiff: DOP853's steps are as good, its values between them are not (notebook 11, section 6)
+    method = (
+        "RK45" if number == 11 else "DOP853"
+    )  # stiff: DOP853's steps are as good, its values between them are not (notebook 11, section 6)
     for offset in ((1.0, 0.0), (-0.3, 0.8), (0.0, -1.0), (0.4, 0.4)):
-        run = simulate(system, horizon, start=dict(zip(names, rest + offset, strict=True)), method=method, rtol=1e-10, atol=1e-12)
+        run = simulate(
+            system,
+            horizon,
+            start=dict(zip(names, rest + offset, strict=True)),
+            method=method,
+            rtol=1e-10,
+            atol=1e-12,
+        )
         size = max(1.0, *(np.abs(run[name]).max() for name in names))
         assert run.stopped == "finished" and true_error(run).max() < 1e-9 * size
 
@@ -79,12 +142,19 @@ def test_the_exact_solution_is_the_handbooks(number, book):
     A, b = affine(system)
     start = equilibrium(A, b) + (0.7, -0.4)
     t = np.linspace(0, horizon, 7)
-    right = np.array([expm(A * x) @ start + np.linalg.solve(A, (expm(A * x) - np.eye(2)) @ b) for x in t])
+    right = np.array(
+        [expm(A * x) @ start + np.linalg.solve(A, (expm(A * x) - np.eye(2)) @ b) for x in t]
+    )
     assert exact(A, b, start, t) == pytest.approx(right, rel=1e-9, abs=1e-9)
 
 
 def test_the_panel_at_the_ends_of_its_sliders(number, book):
-    panel = explore(book["system"], book["horizon"], lambda run: planes(run, book["parts"]), verdict=book["verdict"])
+    panel = explore(
+        book["system"],
+        book["horizon"],
+        lambda run: planes(run, book["parts"]),
+        verdict=book["verdict"],
+    )
     panel.check()
     assert TYPES[number - 1] in book["verdict"](simulate(book["system"], book["horizon"]))
 
@@ -102,16 +172,22 @@ def test_01_a_flood_before_the_decay():
     assert wave == pytest.approx(4 * (np.exp(-0.5 * t) - np.exp(-1.5 * t)), abs=1e-13)
     assert (wave.max(), t[wave.argmax()]) == pytest.approx((8 / 27**0.5, np.log(3)), rel=1e-3)
     growth = [np.linalg.norm(expm(A * x), 2) for x in np.linspace(0, 3, 301)]
-    assert max(growth) == pytest.approx(book["growth"].max(), rel=1e-4) and max(growth) == pytest.approx(1.6627, abs=1e-3)
-    assert np.degrees(np.arctan2(*np.abs(np.linalg.svd(expm(A * 0.971))[2][0][::-1]))) == pytest.approx(7.5, abs=0.05)
+    assert max(growth) == pytest.approx(book["growth"].max(), rel=1e-4) and max(
+        growth
+    ) == pytest.approx(1.6627, abs=1e-3)
+    assert np.degrees(
+        np.arctan2(*np.abs(np.linalg.svd(expm(A * 0.971))[2][0][::-1]))
+    ) == pytest.approx(7.5, abs=0.05)
     for k, grows in ((1.72, False), (1.74, True)):
         M = affine(system, system.values({"k": k}))[0]
         assert bool(np.linalg.eigvalsh(M + M.T)[-1] > 0) is grows
     fast = affine(system, system.values({"lambda1": -1.0}))[0]
     wave = exact(fast, (0, 0), (1, 0), t)[:, 1]
     assert (wave.max(), t[wave.argmax()]) == pytest.approx((0.5926, 2 * np.log(1.5)), rel=1e-3)
-    assert affine(system, system.values({"u1": 1.0, "u2": 0.0, "k": 3.0}))[0] == pytest.approx(np.array([[-0.5, 3], [0, -1.5]]))
-    assert -A @ (1, 1) == pytest.approx([0.5, -2.5])
+    assert affine(system, system.values({"u1": 1.0, "u2": 0.0, "k": 3.0}))[0] == pytest.approx(
+        np.array([[-0.5, 3], [0, -1.5]])
+    )
+    assert pytest.approx([0.5, -2.5]) == -A @ (1, 1)
 
 
 @pytest.mark.skipif(2 not in NUMBERS, reason="not written")
@@ -119,9 +195,18 @@ def test_02_what_an_unstable_node_does_to_errors():
     book = load(assignment(1, 2).path)
     system = book["system"]
     A, b = affine(system)
-    assert A == pytest.approx(np.array([[0.925, 0.225], [0.175, 0.475]])) and equilibrium(A, b) == pytest.approx([2, 2])
-    assert A == pytest.approx(np.array([[1.1 - 0.175, 0.225], [0.175, 0.7 - 0.225]]))  # growth and exchange of the story
-    for start, sign in (((2.1, 2.0), 1), ((1.98, 1.98), -1), ((2 - 0.3, 2 + 0.71), 1), ((2 - 0.3, 2 + 0.69), -1)):  # either side of the slow line
+    assert pytest.approx(np.array([[0.925, 0.225], [0.175, 0.475]])) == A and equilibrium(
+        A, b
+    ) == pytest.approx([2, 2])
+    assert pytest.approx(
+        np.array([[1.1 - 0.175, 0.225], [0.175, 0.7 - 0.225]])
+    ) == A  # growth and exchange of the story
+    for start, sign in (
+        ((2.1, 2.0), 1),
+        ((1.98, 1.98), -1),
+        ((2 - 0.3, 2 + 0.71), 1),
+        ((2 - 0.3, 2 + 0.69), -1),
+    ):  # either side of the slow line
         assert np.sign(exact(A, b, start, [15.0])[0] - 2) == pytest.approx(sign)
     relative = []
     for tolerance in (1e-4, 1e-7, 1e-10):
@@ -134,7 +219,9 @@ def test_02_what_an_unstable_node_does_to_errors():
     lost = run.t[np.argmax(z[0] > z[1])]
     assert 50 < lost < 70  # by rounding alone: a Runge–Kutta step is a polynomial of A
     coarse = simulate(system, 5.0, method="RK45", rtol=1e-2, atol=1e-4)
-    assert true_error(coarse)[-1] / np.hypot(coarse["s1"][-1] - 2, coarse["s2"][-1] - 2) == pytest.approx(0.027, abs=0.003)
+    assert true_error(coarse)[-1] / np.hypot(
+        coarse["s1"][-1] - 2, coarse["s2"][-1] - 2
+    ) == pytest.approx(0.027, abs=0.003)
     less = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98}, b1=-2.07, b2=-1.17)
     assert less["s1"][-1] > 4 and less["s2"][-1] > 4
     assert np.linalg.det(book["flat"].S) == pytest.approx(-2)
@@ -144,19 +231,53 @@ def test_02_what_an_unstable_node_does_to_errors():
 def test_03_no_mirror_changes_a_star_and_no_measurement_finds_one():
     book = load(assignment(1, 3).path)
     system = book["system"]
-    assert [str(book["simplify"](rate)) for rate in book["traced"].values()] == ["a*s1 + b1", "a*s2 + b2"]
+    assert [str(book["simplify"](rate)) for rate in book["traced"].values()] == [
+        "a*s1 + b1",
+        "a*s2 + b2",
+    ]
     for u2 in np.linspace(-3, 3, 13):
-        assert affine(system, system.values({"u2": u2}))[0] == pytest.approx(-0.8 * np.eye(2), abs=2e-15)
-    for start in ((-1.5, 2.0), (3.0, 1.0), (0.0, -2.0)):  # all runs are scaled copies: 10 % is left after ln 10/0.8
-        run = simulate(system, np.log(10) / 0.8, start=dict(zip(("s1", "s2"), start, strict=True)), rtol=1e-10, atol=1e-12)
-        assert np.array([run["s1"][-1] - 1, run["s2"][-1] - 0.5]) == pytest.approx(0.1 * np.subtract(start, (1, 0.5)), rel=1e-8)
-        for method in ("Euler", "RK4", "RK45", "DOP853"):  # a Runge–Kutta step is a number times the deviation
-            run = simulate(system, 4.0, start=dict(zip(("s1", "s2"), start, strict=True)), method=method, **({"step": 0.5} if method in ("Euler", "RK4") else {"rtol": 1e-3}))
-            y0, y1 = np.subtract(start, (1, 0.5)), np.array([run["s1"][-1] - 1, run["s2"][-1] - 0.5])
+        assert affine(system, system.values({"u2": u2}))[0] == pytest.approx(
+            -0.8 * np.eye(2), abs=2e-15
+        )
+    for start in (
+        (-1.5, 2.0),
+        (3.0, 1.0),
+        (0.0, -2.0),
+    ):  # all runs are scaled copies: 10 % is left after ln 10/0.8
+        run = simulate(
+            system,
+            np.log(10) / 0.8,
+            start=dict(zip(("s1", "s2"), start, strict=True)),
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        assert np.array([run["s1"][-1] - 1, run["s2"][-1] - 0.5]) == pytest.approx(
+            0.1 * np.subtract(start, (1, 0.5)), rel=1e-8
+        )
+        for method in (
+            "Euler",
+            "RK4",
+            "RK45",
+            "DOP853",
+        ):  # a Runge–Kutta step is a number times the deviation
+            run = simulate(
+                system,
+                4.0,
+                start=dict(zip(("s1", "s2"), start, strict=True)),
+                method=method,
+                **({"step": 0.5} if method in ("Euler", "RK4") else {"rtol": 1e-3}),
+            )
+            y0, y1 = (
+                np.subtract(start, (1, 0.5)),
+                np.array([run["s1"][-1] - 1, run["s2"][-1] - 0.5]),
+            )
             assert abs(y0[0] * y1[1] - y0[1] * y1[0]) < 1e-13 * np.hypot(*y0)
     rng = np.random.default_rng(5)
     kinds = [classify(-0.8 * np.eye(2) + 1e-6 * rng.normal(size=(2, 2)), 0) for _ in range(20_000)]
-    assert kinds.count("stable node") / 20_000 == pytest.approx(0.5**0.5, abs=0.012) and kinds.count("stable star") == 0
+    assert (
+        kinds.count("stable node") / 20_000 == pytest.approx(0.5**0.5, abs=0.012)
+        and kinds.count("stable star") == 0
+    )
     final = simulate(system, 1.25, method="Euler", step=1.25).final
     assert (final["s1"], final["s2"]) == pytest.approx((1.0, 0.5), abs=1e-14)
     assert np.log(1 / np.tan(np.radians(40))) / 0.1 == pytest.approx(1.75, abs=0.005)  # task 4
@@ -167,14 +288,22 @@ def test_04_every_galaxy_is_the_centre():
     book = load(assignment(1, 4).path)
     system = book["system"]
     for phi in np.linspace(-3.2, 3.2, 9):
-        assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(0.07 * np.eye(2), abs=1e-16)
+        assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(
+            0.07 * np.eye(2), abs=1e-16
+        )
     assert np.ptp(book["ratio"]) < 1e-6 and book["ratio"][0] == pytest.approx(np.exp(2.1), rel=1e-6)
     centre, other = ({"s1": 0.6, "s2": 0.3}, {"s1": -0.2, "s2": 0.9})
     a, b = (simulate(system, 30.0, start=s, rtol=1e-11, atol=1e-13) for s in (centre, other))
-    seen = simulate(system, 30.0, start={"s1": -0.8, "s2": 0.6}, b1=0.0, b2=0.0, rtol=1e-11, atol=1e-13)
+    seen = simulate(
+        system, 30.0, start={"s1": -0.8, "s2": 0.6}, b1=0.0, b2=0.0, rtol=1e-11, atol=1e-13
+    )
     for name in ("s1", "s2"):
         assert b[name] - a[name] == pytest.approx(seen[name], abs=1e-8)
-    for method, factor in (("Euler", 1.07), ("Heun", 1.07 + 0.07**2 / 2), ("RK4", sum(0.07**k / f for k, f in enumerate((1, 1, 2, 6, 24))))):
+    for method, factor in (
+        ("Euler", 1.07),
+        ("Heun", 1.07 + 0.07**2 / 2),
+        ("RK4", sum(0.07**k / f for k, f in enumerate((1, 1, 2, 6, 24)))),
+    ):
         run = simulate(system, 30.0, method=method, step=1.0)
         assert (run["s1"][-1] - 0.5) / 0.4 == pytest.approx(factor**30, rel=1e-12)
     z = 0.07 * 3.9
@@ -188,14 +317,21 @@ def test_05_one_direction_and_a_factor_t():
     A, b = affine(system)
     assert A.tolist() == [[-4, -4], [1, 0]] and equilibrium(A, b) == pytest.approx([0, 0.25])
     decay = np.exp(-2 * t)
-    assert exact(A, (0, 0), (0, 1), t) == pytest.approx(np.column_stack([-4 * t * decay, (1 + 2 * t) * decay]), abs=1e-14)
+    assert exact(A, (0, 0), (0, 1), t) == pytest.approx(
+        np.column_stack([-4 * t * decay, (1 + 2 * t) * decay]), abs=1e-14
+    )
     assert exact(A, (0, 0), (1, 0), t)[:, 1] == pytest.approx(t * decay, abs=1e-14)
     assert exact(A, (0, 0), (-3, 1), [1.0])[0, 1] == pytest.approx(0, abs=1e-14)  # task 2
-    assert np.abs(exact(A, (0, 0), (0, 1), t)[:, 0]).max() == pytest.approx(2 / np.e, rel=1e-6)  # task 3
+    assert np.abs(exact(A, (0, 0), (0, 1), t)[:, 0]).max() == pytest.approx(
+        2 / np.e, rel=1e-6
+    )  # task 3
     for M, settled in (([[-3.2, -4], [1, 0]], 1.88), (A, 2.92)):  # task 4: under critical is sooner
         y = np.abs(exact(M, (0, 0), (0, 1), t)[:, 1])
         assert t[y > 0.02].max() == pytest.approx(settled, abs=0.005)
-    for epsilon in (1e-4, 1e-8):  # eigenvalues move by the root, the motion by no more than the cause
+    for epsilon in (
+        1e-4,
+        1e-8,
+    ):  # eigenvalues move by the root, the motion by no more than the cause
         M = A * np.array([[1, 1 + epsilon], [1, 1]])
         assert np.abs(np.linalg.eigvals(M) + 2).max() == pytest.approx(2 * epsilon**0.5, rel=1e-2)
         assert np.abs(exact(M, (0, 0), (0, 1), t) - exact(A, (0, 0), (0, 1), t)).max() < epsilon
@@ -209,19 +345,27 @@ def test_06_growth_that_feeds_growth():
     book = load(assignment(1, 6).path)
     system = book["system"]
     A, b = affine(system)
-    assert A == pytest.approx(np.array([[0.5, 0], [0.5, 0.5]]), abs=1e-15) and equilibrium(A, b) == pytest.approx([2, 1])
-    assert -A @ (3, 3) == pytest.approx([-1.5, -3])  # task 1
+    assert pytest.approx(np.array([[0.5, 0], [0.5, 0.5]]), abs=1e-15) == A and equilibrium(
+        A, b
+    ) == pytest.approx([2, 1])
+    assert pytest.approx([-1.5, -3]) == -A @ (3, 3)  # task 1
     run = simulate(system, 6.0, rtol=1e-10, atol=1e-12)
     assert (run["s2"] - 1) / (run["s1"] - 2) == pytest.approx(0.5 * run.t, abs=1e-8)
     S = np.array([[0.5, 0.5], [1, 0]])  # task 3
-    assert S @ np.array([[0.5, 0], [1, 0.5]]) @ np.linalg.inv(S) == pytest.approx(np.array([[0.5, 0.5], [0, 0.5]]))
-    assert check_design([[0.5, 0.5], [0, 0.5]], (1, 1), S, "unstable improper node", "matrix B").passed
+    assert S @ np.array([[0.5, 0], [1, 0.5]]) @ np.linalg.inv(S) == pytest.approx(
+        np.array([[0.5, 0.5], [0, 0.5]])
+    )
+    assert check_design(
+        [[0.5, 0.5], [0, 0.5]], (1, 1), S, "unstable improper node", "matrix B"
+    ).passed
     long = simulate(system, 20.0, method="RK45", rtol=1e-4, atol=1e-6)
     assert (true_error(long) / np.hypot(long["s1"] - 2, long["s2"] - 1)).max() < 1e-3  # task 4
     for h in (1.0, 0.25):
         end = simulate(system, 6.0, method="Euler", step=h).final
         y1, y2 = end["s1"] - 2, end["s2"] - 1
-        assert (np.log(y1 / 0.1) / 6, y2 / y1 / 6) == pytest.approx((np.log(1 + h / 2) / h, 0.5 / (1 + h / 2)), rel=1e-10)
+        assert (np.log(y1 / 0.1) / 6, y2 / y1 / 6) == pytest.approx(
+            (np.log(1 + h / 2) / h, 0.5 / (1 + h / 2)), rel=1e-10
+        )
     mother = simulate(system, 12.0, start={"s1": 1.99, "s2": 2.0})
     assert np.interp(0, -mother["s1"], mother.t) == pytest.approx(2 * np.log(200), rel=1e-4)
 
@@ -231,17 +375,42 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
     book = load(assignment(1, 7).path)
     system = book["system"]
     A, b = affine(system)
-    assert A == pytest.approx(np.array([[-0.5, -1.5], [-1.5, -0.5]])) and equilibrium(A, b) == pytest.approx([1.2, 1.2])
-    assert A == pytest.approx(np.array([[-1, -3], [-3, -1]]) / 2) and b == pytest.approx([4 * 1.2 / 2] * 2)  # g = 3, τ = 2 ns, s* = 1.2 V
+    assert pytest.approx(np.array([[-0.5, -1.5], [-1.5, -0.5]])) == A and equilibrium(
+        A, b
+    ) == pytest.approx([1.2, 1.2])
+    assert pytest.approx(np.array([[-1, -3], [-3, -1]]) / 2) == A and b == pytest.approx(
+        [4 * 1.2 / 2] * 2
+    )  # g = 3, τ = 2 ns, s* = 1.2 V
     for delta in (1e-1, 1e-4, 1e-8):
-        run = simulate(system, 30.0, start={"s1": 2.2, "s2": 2.2 - delta}, points=30_001, rtol=1e-12, atol=1e-15)
-        assert run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)] == pytest.approx(np.log(1.2 / delta), abs=0.01)
+        run = simulate(
+            system,
+            30.0,
+            start={"s1": 2.2, "s2": 2.2 - delta},
+            points=30_001,
+            rtol=1e-12,
+            atol=1e-15,
+        )
+        assert run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)] == pytest.approx(
+            np.log(1.2 / delta), abs=0.01
+        )
     run = simulate(system, 60.0, start={"s1": 2.2, "s2": 2.2}, method="RK45", rtol=1e-4, atol=1e-6)
     left = run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)]
-    assert left == 0 or 30 < left < 45  # by rounding alone, and not at all where rounding happens to be symmetric
-    nearest = [np.hypot(*(exact(A, b, s, np.linspace(0, 4, 4001)) - 1.2).T).min() for s in ((2.2, 2.15), (0.1, 0.3))]
+    assert (
+        left == 0 or 30 < left < 45
+    )  # by rounding alone, and not at all where rounding happens to be symmetric
+    nearest = [
+        np.hypot(*(exact(A, b, s, np.linspace(0, 4, 4001)) - 1.2).T).min()
+        for s in ((2.2, 2.15), (0.1, 0.3))
+    ]
     assert nearest == pytest.approx([0.16, 0.42], abs=0.005)  # task 3
-    euler = simulate(system, 12.0, method="Euler", step=1.2, start={"s1": 2.2, "s2": 2.2}, points=np.linspace(0, 12, 11))
+    euler = simulate(
+        system,
+        12.0,
+        method="Euler",
+        step=1.2,
+        start={"s1": 2.2, "s2": 2.2},
+        points=np.linspace(0, 12, 11),
+    )
     assert euler["s1"] + euler["s2"] - 2.4 == pytest.approx(2 * (-1.4) ** np.arange(11), rel=1e-6)
 
 
@@ -250,16 +419,26 @@ def test_08_what_methods_make_of_a_circle():
     book = load(assignment(1, 8).path)
     system = book["system"]
     for phi in np.linspace(-3.2, 3.2, 9):
-        assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(np.array([[0, 0.36], [-0.36, 0]]), abs=1e-15)
-    assert [str(book["simplify"](rate)) for rate in book["equations"](system).flows["motion"].values()] == ["b1 + beta*s2", "b2 - beta*s1"]
+        assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(
+            np.array([[0, 0.36], [-0.36, 0]]), abs=1e-15
+        )
+    assert [
+        str(book["simplify"](rate)) for rate in book["equations"](system).flows["motion"].values()
+    ] == ["b1 + beta*s2", "b2 - beta*s1"]
     for n in (12, 50, 300):
         x = 2 * np.pi / n
         squares = {"Euler": 1 + x**2, "Heun": 1 + x**4 / 4, "RK4": 1 - x**6 / 72 + x**8 / 576}
         for method, square in squares.items():
-            assert book["growth"](method=method, step=book["turn"] / n) == pytest.approx(square ** (n / 2), rel=1e-11)
+            assert book["growth"](method=method, step=book["turn"] / n) == pytest.approx(
+                square ** (n / 2), rel=1e-11
+            )
             assert book["factor"](method, x) ** 2 == pytest.approx(square, rel=1e-13)
-    assert (1.036 - 0.036 + 0.036**2) ** (np.pi / 0.036) == pytest.approx(1.1196, abs=2e-4)  # prediction 1
-    assert (1 - 0.36**6 / 72 + 0.36**8 / 576) ** (np.pi / 0.36) == pytest.approx(1 - 0.00026, abs=5e-6)  # prediction 2
+    assert (1.036 - 0.036 + 0.036**2) ** (np.pi / 0.036) == pytest.approx(
+        1.1196, abs=2e-4
+    )  # prediction 1
+    assert (1 - 0.36**6 / 72 + 0.36**8 / 576) ** (np.pi / 0.36) == pytest.approx(
+        1 - 0.00026, abs=5e-6
+    )  # prediction 2
     assert (1 + 0.2335**4 / 4) ** (np.pi / 0.2335) == pytest.approx(1.01, abs=1e-4)  # task 3
     run = simulate(system, 40 * book["turn"], rtol=1e-10, atol=1e-12)
     far = np.hypot(run["s1"] - 0.2, run["s2"] - 0.1)

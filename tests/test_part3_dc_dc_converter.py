@@ -22,7 +22,11 @@ def matrices(p):
     """The handbook's matrices, with L where the print has C, acting on (iL, v, 1)."""
     a, zero = 1 / (p.R + p.RC), [0, 0, 0]
     on = [[-p.RL / p.L, 0, p.E / p.L], [0, -a / p.C, 0], zero]
-    diode = [[-(p.RL + p.R * p.RC * a) / p.L, -p.R * a / p.L, p.E / p.L], [p.R * a / p.C, -a / p.C, 0], zero]
+    diode = [
+        [-(p.RL + p.R * p.RC * a) / p.L, -p.R * a / p.L, p.E / p.L],
+        [p.R * a / p.C, -a / p.C, 0],
+        zero,
+    ]
     off = [zero, [0, -a / p.C, 0], zero]
     return [np.array(m) for m in (on, diode, off)]
 
@@ -58,26 +62,42 @@ def steady(system, **parameters):
 def test_handbook_values(system):
     assert load(NAME)["horizon"] == 20e-3
     assert {name: parameter.value for name, parameter in system.parameters.items()} == DEFAULTS
-    assert system.start == {"iL": 0.0, "v": 0.0} and system.mode == "on" and list(system.modes) == ["on", "diode", "off"]
+    assert (
+        system.start == {"iL": 0.0, "v": 0.0}
+        and system.mode == "on"
+        and list(system.modes) == ["on", "diode", "off"]
+    )
 
 
 def test_the_flows_are_the_handbooks_matrices(system):
     p = system.values()
     for mode, matrix in zip(system.modes.values(), matrices(p), strict=True):
         for state in ((0.0, 0.0), (1.5, 40.0)) if mode.name != "off" else ((0.0, 0.0), (0.0, 40.0)):
-            assert mode.flow(0.0, system.S["on"](*state), p) == pytest.approx(matrix[:2] @ [*state, 1], rel=1e-12, abs=1e-9)
+            assert mode.flow(0.0, system.S["on"](*state), p) == pytest.approx(
+                matrix[:2] @ [*state, 1], rel=1e-12, abs=1e-9
+            )
 
 
-@pytest.mark.parametrize(("change", "method", "miss"), [
-    ({}, "DOP853", 1e-9), ({"R": 200.0}, "DOP853", 1e-9), ({"d": 0.3, "R": 400.0}, "DOP853", 1e-9), ({"d": 0.8, "Ts": 2e-4}, "DOP853", 1e-9), ({}, "RK45", 1e-5),
-])
+@pytest.mark.parametrize(
+    ("change", "method", "miss"),
+    [
+        ({}, "DOP853", 1e-9),
+        ({"R": 200.0}, "DOP853", 1e-9),
+        ({"d": 0.3, "R": 400.0}, "DOP853", 1e-9),
+        ({"d": 0.8, "Ts": 2e-4}, "DOP853", 1e-9),
+        ({}, "RK45", 1e-5),
+    ],
+)
 def test_every_period_against_matrix_exponentials(system, change, method, miss):
     p = system.values(change)
     periods = round(20e-3 / p.Ts)
     run = simulate(system, 20e-3, method=method, **change)
     states, zeros = reference(p, periods)
     ticks = run.at(np.minimum(np.arange(periods + 1) * p.Ts, run.t[-1]))
-    assert np.abs(ticks["iL"] - states[:, 0]).max() < miss and np.abs(ticks["v"] - states[:, 1]).max() < miss
+    assert (
+        np.abs(ticks["iL"] - states[:, 0]).max() < miss
+        and np.abs(ticks["v"] - states[:, 1]).max() < miss
+    )
     found = np.array([e.t for e in run.events if e.transition == "diode blocks"])
     assert len(found) == len(zeros) and np.all(np.abs(found - zeros) < 1e-4 * miss)
 
@@ -85,14 +105,22 @@ def test_every_period_against_matrix_exponentials(system, change, method, miss):
 def test_the_clock_keeps_its_instants(system):
     run = simulate(system, 20e-3)
     k = np.arange(200)
-    assert [e.t for e in run.events if e.transition == "switch opens"] == pytest.approx((k + 0.5) * 1e-4, abs=1e-15)
-    assert [e.t for e in run.events if e.transition == "switch closes"] == pytest.approx((k + 1) * 1e-4, abs=1e-15)
+    assert [e.t for e in run.events if e.transition == "switch opens"] == pytest.approx(
+        (k + 0.5) * 1e-4, abs=1e-15
+    )
+    assert [e.t for e in run.events if e.transition == "switch closes"] == pytest.approx(
+        (k + 1) * 1e-4, abs=1e-15
+    )
 
 
 def test_the_coil_never_carries_a_negative_current(system):
     for R in (50.0, 200.0, 500.0):
         run = simulate(system, 20e-3, R=R)
-        assert run["iL"].min() > -1e-11 and np.any(run.mode == "off") and np.all(run["iL"][(run.mode == "off") & (run.j > run.j[0])] < 1e-11)
+        assert (
+            run["iL"].min() > -1e-11
+            and np.any(run.mode == "off")
+            and np.all(run["iL"][(run.mode == "off") & (run.j > run.j[0])] < 1e-11)
+        )
 
 
 def test_without_location_it_does(system):
@@ -103,7 +131,9 @@ def test_without_location_it_does(system):
 @pytest.mark.parametrize("d", [0.3, 0.5, 0.7])
 def test_ideal_gain(system, d):
     run = steady(system, d=d, R=20.0, RL=0.0, RC=0.0)
-    assert not np.any(run.mode == "off") and mean(run, "v_out", 0.0) / 20 == pytest.approx(1 / (1 - d), rel=1e-3)
+    assert not np.any(run.mode == "off") and mean(run, "v_out", 0.0) / 20 == pytest.approx(
+        1 / (1 - d), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("d", [0.3, 0.5, 0.7, 0.8582, 0.95])
@@ -123,7 +153,9 @@ def test_discontinuous_gain(system, d, R):
     """Lossless: V/E = (1 + √(1 + 4d²/K))/2 with K = 2L/(R Ts), up to the ripple."""
     run = steady(system, d=d, R=R, RL=0.0, RC=0.0)
     K = 2 * 1e-3 / (R * 1e-4)
-    assert np.any(run.mode == "off") and mean(run, "v_out", 0.0) / 20 == pytest.approx((1 + np.sqrt(1 + 4 * d**2 / K)) / 2, rel=1e-3)
+    assert np.any(run.mode == "off") and mean(run, "v_out", 0.0) / 20 == pytest.approx(
+        (1 + np.sqrt(1 + 4 * d**2 / K)) / 2, rel=1e-3
+    )
 
 
 def test_border_of_discontinuous_conduction(system):
@@ -165,7 +197,9 @@ def test_load_steps_are_runs_with_another_load(system):
     three = simulate(system, 0.02, R=200.0, start=two.final, points=2)
     for t, part in ((0.02, one), (0.06, two), (0.08, three)):
         there = run.at(t, side="before")
-        assert there["iL"] == pytest.approx(part.final["iL"], abs=1e-8) and there["v"] == pytest.approx(part.final["v"], abs=1e-8)
+        assert there["iL"] == pytest.approx(part.final["iL"], abs=1e-8) and there[
+            "v"
+        ] == pytest.approx(part.final["v"], abs=1e-8)
     assert [e.after["load"] for e in run.events if e.transition == "load step"] == [25.0, 200.0]
 
 
@@ -174,5 +208,8 @@ def test_printed_matrix_makes_energy_out_of_nothing():
     names = load(NAME)
     system, system_three = names["system"], names["system_three"]
     p, s = system.values()._replace(E=0.0, RL=0.0, RC=0.0, R=1e15), system.S["diode"](2.0, 40.0)
-    power = [p.L * s.iL * di + p.C * s.v * dv for di, dv in (one.modes["diode"].flow(0.0, s, p) for one in (system, system_three))]
+    power = [
+        p.L * s.iL * di + p.C * s.v * dv
+        for di, dv in (one.modes["diode"].flow(0.0, s, p) for one in (system, system_three))
+    ]
     assert power == pytest.approx([0.0, (1 - p.L / p.C) * 80], abs=1e-6)

@@ -30,7 +30,15 @@ def test_handbook_values(names, system):
     p = system.values()
     assert (p.m, p.c0, p.l, p.S, p.t1, p.r, p.kappa, p.lambda_) == (1, 1, 10, 2, 25, 0.5, 0, 1)
     run = simulate(system, 1.0)
-    assert run.at(0.0) == pytest.approx({"phi": 0, "w": p.S / (2 * p.m * p.l), "phi_max": p.S / (p.l * math.sqrt(p.c0 * p.m)), "A": 0.2, "mode": "whole"})
+    assert run.at(0.0) == pytest.approx(
+        {
+            "phi": 0,
+            "w": p.S / (2 * p.m * p.l),
+            "phi_max": p.S / (p.l * math.sqrt(p.c0 * p.m)),
+            "A": 0.2,
+            "mode": "whole",
+        }
+    )
 
 
 @pytest.mark.parametrize("change", [{}, {"m": 1.7}, {"c0": 0.4}, {"l": 7.3, "S": 1.1}])
@@ -40,8 +48,12 @@ def test_the_limit_is_touched_and_not_passed_whatever_the_numbers(system, change
     omega, top = math.sqrt(p.c0 / (4 * p.m)), p.S / (p.l * math.sqrt(p.c0 * p.m))
     run = simulate(system, 25.0, t1=30.0, **TIGHT, **change)
     late = run.t > 0
-    assert run.stopped == "finished" and np.abs(run["phi"] - top * np.sin(omega * run.t)).max() < 1e-10
-    assert run.at(math.pi / (2 * omega))["phi"] == pytest.approx(top, abs=1e-11) and np.allclose(run["A"][late], top, rtol=0, atol=1e-10)
+    assert (
+        run.stopped == "finished" and np.abs(run["phi"] - top * np.sin(omega * run.t)).max() < 1e-10
+    )
+    assert run.at(math.pi / (2 * omega))["phi"] == pytest.approx(top, abs=1e-11) and np.allclose(
+        run["A"][late], top, rtol=0, atol=1e-10
+    )
 
 
 CASES = [(0, 1, 0.1417, 0.2828), (0, 0, 0.1417, 0.2), (1, 1, 0.2825, 0.2828), (1, 0, 0.2825, 0.2)]
@@ -52,9 +64,13 @@ def test_four_readings(system, kappa, lambda_, amplitude, bound):
     """Only 'angular momentum kept, initial mass' is destroyed, at 26.18 s; by the closed form, written here once more."""
     theta = 12.5
     exact = 0.2 * math.sqrt(math.sin(theta) ** 2 + 0.5 ** (1 - 2 * kappa) * math.cos(theta) ** 2)
-    assert exact == pytest.approx(amplitude, abs=5e-5) and 0.2 * 0.5 ** (-lambda_ / 2) == pytest.approx(bound, abs=5e-5)
+    assert exact == pytest.approx(amplitude, abs=5e-5) and 0.2 * 0.5 ** (
+        -lambda_ / 2
+    ) == pytest.approx(bound, abs=5e-5)
     run = simulate(system, 100.0, kappa=kappa, lambda_=lambda_, **TIGHT)
-    assert run["A"][-1] == pytest.approx(exact, abs=1e-10) and run["phi_max"][-1] == pytest.approx(0.2 * 0.5 ** (-lambda_ / 2), abs=1e-15)
+    assert run["A"][-1] == pytest.approx(exact, abs=1e-10) and run["phi_max"][-1] == pytest.approx(
+        0.2 * 0.5 ** (-lambda_ / 2), abs=1e-15
+    )
     if (kappa, lambda_) == (1, 0):
         assert run.stopped == 'terminal event "destroyed"'
         # at 25 s the beam comes up through −0.0133 rad; the tolerance moves the event by less than 1e-5 s
@@ -78,7 +94,11 @@ def test_the_verdicts_do_not_hang_on_the_instant(names, system, t1):
 
 @pytest.mark.parametrize("kappa", [0, 0.5, 1])
 def test_what_is_kept(system, kappa):
-    event = next(e for e in simulate(system, 30.0, kappa=kappa, **TIGHT).events if e.transition == "mass lost")
+    event = next(
+        e
+        for e in simulate(system, 30.0, kappa=kappa, **TIGHT).events
+        if e.transition == "mass lost"
+    )
     assert event.t == 25.0 and event.after["phi"] == event.before["phi"]
     assert event.after["w"] * 0.5**kappa == pytest.approx(event.before["w"], rel=1e-14)
 
@@ -86,8 +106,14 @@ def test_what_is_kept(system, kappa):
 def test_energy_kept_leaves_the_amplitude(system):
     """κ = ½: the kinetic energy m w² is kept, so the initial limit is touched again and again, 11 times in 100 s, and never passed."""
     run = simulate(system, 100.0, kappa=0.5, lambda_=0.0, points=20001, **TIGHT)
-    peaks = run["phi"][1:-1][(run["phi"][1:-1] > run["phi"][:-2]) & (run["phi"][1:-1] >= run["phi"][2:])]
-    assert run.stopped == "finished" and np.sum(peaks > 0.1) == 11 and np.allclose(peaks[peaks > 0.1], 0.2, rtol=0, atol=2e-6)
+    peaks = run["phi"][1:-1][
+        (run["phi"][1:-1] > run["phi"][:-2]) & (run["phi"][1:-1] >= run["phi"][2:])
+    ]
+    assert (
+        run.stopped == "finished"
+        and np.sum(peaks > 0.1) == 11
+        and np.allclose(peaks[peaks > 0.1], 0.2, rtol=0, atol=2e-6)
+    )
 
 
 @pytest.mark.parametrize(("method", "destroyed"), [("Euler", True), ("Heun", True), ("RK4", False)])
@@ -97,7 +123,9 @@ def test_sign_of_the_error_decides_for_fixed_steps(names, method, destroyed, ste
     order = {"Euler": 1, "Heun": 2, "RK4": 4}[method]
     growth = abs(sum((0.5j * step) ** k / math.factorial(k) for k in range(order + 1)))
     assert (growth > 1) == destroyed
-    assert (simulate(names["system_naive"], 25.0, method=method, step=step).stopped != "finished") == destroyed
+    assert (
+        simulate(names["system_naive"], 25.0, method=method, step=step).stopped != "finished"
+    ) == destroyed
     free = simulate(names["system_free"], 25.0, method=method, step=step)
     assert free.at(25.0, side="before")["A"] == pytest.approx(0.2 * growth ** (25 / step), rel=1e-9)
 
@@ -113,15 +141,22 @@ def test_without_tolerance_a_false_destruction_is_reported(names):
     naive, false = names["system_naive"], 0
     for rtol in (1e-3, 1e-4, 1e-6, 1e-7):
         for method in ("RK45", "DOP853", "LSODA"):
-            false += simulate(naive, 25.0, method=method, rtol=rtol, atol=rtol / 100).stopped != "finished"
+            false += (
+                simulate(naive, 25.0, method=method, rtol=rtol, atol=rtol / 100).stopped
+                != "finished"
+            )
     assert 3 <= false <= 12
-    assert simulate(naive, 25.0, method="DOP853", rtol=1e-4, atol=1e-6).t[-1] == pytest.approx(math.pi, abs=0.1)
+    assert simulate(naive, 25.0, method="DOP853", rtol=1e-4, atol=1e-6).t[-1] == pytest.approx(
+        math.pi, abs=0.1
+    )
 
 
 @pytest.mark.parametrize("share", [1e-3, 1e-5, 4e-6, -1e-9, -1e-5, -1e-3])
 def test_near_the_touch_the_verdict_flips_where_it_is_stated(names, system, share):
     """Destroyed if 0.2 ε > 1e-6; without tolerance if ε > 0 (for |ε| far above the error of the run), √(2ε)/ω before the touch."""
-    assert (simulate(system, 25.0, start={"w": 0.1 * share}, **TIGHT).stopped != "finished") == (share > 5e-6)
+    assert (simulate(system, 25.0, start={"w": 0.1 * share}, **TIGHT).stopped != "finished") == (
+        share > 5e-6
+    )
     naive = simulate(names["system_naive"], 25.0, start={"w": 0.1 * share}, **TIGHT)
     assert (naive.stopped != "finished") == (share > 0)
     if share > 0:
@@ -132,6 +167,10 @@ def test_true_geometry_passes_the_limit(names):
     """4mφ'' + c0 sin φ cos φ = 0 swings to arcsin 0.2 > 0.2, and passes 0.2 rad at F(u | 0.04)/ω, sin u = sin 0.2/0.2."""
     run = simulate(names["system_true"], 100.0, **TIGHT)
     instant = ellipkinc(math.asin(math.sin(0.2) / 0.2), 0.04) / 0.5
-    assert run.stopped == 'terminal event "destroyed"' and 0 < run.t[-1] - instant < 2e-4 and instant == pytest.approx(2.938, abs=1e-3)
+    assert (
+        run.stopped == 'terminal event "destroyed"'
+        and 0 < run.t[-1] - instant < 2e-4
+        and instant == pytest.approx(2.938, abs=1e-3)
+    )
     energy = 4 * run["w"] ** 2 + np.sin(run["phi"]) ** 2
     assert np.ptp(energy[run.t > 0]) < 1e-12

@@ -3,13 +3,28 @@
 import numpy as np
 import pytest
 
-from labkit import Mode, ModelError, System, canonical, matrix_a, matrix_b, planes, reflection, rotation, simulate
+from labkit import (
+    Mode,
+    ModelError,
+    System,
+    canonical,
+    matrix_a,
+    matrix_b,
+    planes,
+    reflection,
+    rotation,
+    simulate,
+)
 
 CASES = {
-    "node": (canonical("stable node", -1, -3), matrix_a((1, 0.5), (-0.5, 1))), "saddle": (canonical("saddle", 1, -2), reflection((1, 3))),
-    "centre": (canonical("centre", 2), rotation(0.7)), "improper": (canonical("stable improper node", -1), matrix_a((0, 1), (1, 0))),
-    "spiral": (canonical("unstable spiral", 0.5, 2), matrix_b((1, 0.3), (0.6, 0.4))), "star": (canonical("stable star", -2), reflection((1, 3))),
-    "stiff": (canonical("stable node", -1, -1000), rotation(0.3)), "slow spiral": (canonical("stable spiral", -0.01, 5), matrix_a((1, 0), (0, 1))),
+    "node": (canonical("stable node", -1, -3), matrix_a((1, 0.5), (-0.5, 1))),
+    "saddle": (canonical("saddle", 1, -2), reflection((1, 3))),
+    "centre": (canonical("centre", 2), rotation(0.7)),
+    "improper": (canonical("stable improper node", -1), matrix_a((0, 1), (1, 0))),
+    "spiral": (canonical("unstable spiral", 0.5, 2), matrix_b((1, 0.3), (0.6, 0.4))),
+    "star": (canonical("stable star", -2), reflection((1, 3))),
+    "stiff": (canonical("stable node", -1, -1000), rotation(0.3)),
+    "slow spiral": (canonical("stable spiral", -0.01, 5), matrix_a((1, 0), (0, 1))),
 }
 
 
@@ -17,8 +32,18 @@ def run_of(Lambda, S, at=(1.0, 0.5)):
     A = S.S @ Lambda @ S.inverse
     (a, b), (c, d) = A.tolist()
     x, y = (-A @ at).tolist()
-    system = System("linear", {"s1": "", "s2": ""}, {"a": a, "b": b, "c": c, "d": d, "x": x, "y": y},
-                    [Mode("motion", lambda t, s, p: (p.a * s.s1 + p.b * s.s2 + p.x, p.c * s.s1 + p.d * s.s2 + p.y))], start={"s1": 3.0, "s2": -1.0})
+    system = System(
+        "linear",
+        {"s1": "", "s2": ""},
+        {"a": a, "b": b, "c": c, "d": d, "x": x, "y": y},
+        [
+            Mode(
+                "motion",
+                lambda t, s, p: (p.a * s.s1 + p.b * s.s2 + p.x, p.c * s.s1 + p.d * s.s2 + p.y),
+            )
+        ],
+        start={"s1": 3.0, "s2": -1.0},
+    )
     return simulate(system, 2.0, backend="plain")
 
 
@@ -36,7 +61,11 @@ def test_both_planes_show_the_same_system(name):
     assert right.run.get_xydata() == pytest.approx(left.run.get_xydata() @ S.S.T + (1.0, 0.5))
     curves = left.curves.get_xydata()
     seen = curves[np.isfinite(curves).all(axis=1)]
-    assert len(seen) > 500 and (np.abs(seen).max(axis=0) >= 2).all() and len(view.figure.png()) <= 60_000
+    assert (
+        len(seen) > 500
+        and (np.abs(seen).max(axis=0) >= 2).all()
+        and len(view.figure.png()) <= 60_000
+    )
 
 
 def test_curves_follow_the_field():
@@ -45,7 +74,9 @@ def test_curves_follow_the_field():
         Lambda, S = CASES[name]
         z = planes(run_of(Lambda, S), lambda p: (Lambda, S))._sides[0].curves.get_xydata()
         step, middle = np.diff(z, axis=0), (z[1:] + z[:-1]) / 2
-        good = np.isfinite(step).all(axis=1) & (np.hypot(*step.T) > 1e-6) & (np.hypot(*step.T) < 0.3)
+        good = (
+            np.isfinite(step).all(axis=1) & (np.hypot(*step.T) > 1e-6) & (np.hypot(*step.T) < 0.3)
+        )
         way = middle[good] @ Lambda.T
         cosine = (step[good] * way).sum(axis=1) / np.hypot(*step[good].T) / np.hypot(*way.T)
         assert len(cosine) > 200 and cosine.min() > 0.99, name
@@ -54,7 +85,14 @@ def test_curves_follow_the_field():
 def test_a_star_shows_no_eigenvector_and_a_spiral_has_none():
     for name, count in (("node", 6), ("improper", 3), ("star", 0), ("spiral", 0), ("centre", 0)):
         Lambda, S = CASES[name]
-        assert len(planes(run_of(Lambda, S), lambda p, Lambda=Lambda, S=S: (Lambda, S))._sides[0].eigen.get_xydata()) == count
+        assert (
+            len(
+                planes(run_of(Lambda, S), lambda p, Lambda=Lambda, S=S: (Lambda, S))
+                ._sides[0]
+                .eigen.get_xydata()
+            )
+            == count
+        )
 
 
 def test_the_picture_follows_the_equilibrium_and_moves_its_axes_seldom():
@@ -78,7 +116,9 @@ def test_spirals_have_no_seam(a):
     """An arm runs from outside the picture to its middle in one stroke, unless the radius hardly changes in a turn: no end of a line shows."""
     from labkit.draw import flow_lines
 
-    curves, starts = flow_lines(canonical("stable spiral point" if a < 0 else "unstable spiral point", a, 1), 2.0)
+    curves, starts = flow_lines(
+        canonical("stable spiral point" if a < 0 else "unstable spiral point", a, 1), 2.0
+    )
     for piece in np.split(curves, np.flatnonzero(np.isnan(curves[:, 0]))):
         radius = np.hypot(*piece[np.isfinite(piece[:, 0])].T)
         assert not len(radius) or (radius.max() > 1.9 and radius.min() < 0.1)

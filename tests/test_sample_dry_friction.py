@@ -20,7 +20,14 @@ def system():
 
 def test_handbook_values(system):
     assert load(NAME)["horizon"] == 30.0
-    assert [system.parameters[n].value for n in ("m", "k", "Vp", "Fs", "Fc", "V0")] == [1, 2, 2, 5.88, 4, 1]
+    assert [system.parameters[n].value for n in ("m", "k", "Vp", "Fs", "Fc", "V0")] == [
+        1,
+        2,
+        2,
+        5.88,
+        4,
+        1,
+    ]
     assert system.start == {"x": 0.0, "V": 0.0} and system.mode == "stick"
 
 
@@ -28,14 +35,26 @@ def test_handbook_values(system):
 def test_first_slip(system, change):
     p = system.values(change)
     run = simulate(system, 2 * p.Fs / (p.k * p.Vp), **TIGHT, **change)
-    assert run.events[0].transition == "break loose" and abs(run.events[0].t - p.Fs / (p.k * p.Vp)) <= 1e-10
+    assert (
+        run.events[0].transition == "break loose"
+        and abs(run.events[0].t - p.Fs / (p.k * p.Vp)) <= 1e-10
+    )
 
 
 def test_sharp_drop_is_the_limit(system):
     """As V0 → 0 slip time, stick time and highest speed approach the closed form."""
     sharp, cycle = load(NAME)["sharp_drop"], load(NAME)["cycle"]
-    misses = [np.abs(np.subtract(cycle(simulate(system, 30.0, V0=V0, points=20001, **TIGHT)), sharp(system.values()))) for V0 in (0.1, 0.03, 0.01)]
-    assert np.all(misses[2] < 0.02) and np.all(misses[1] < misses[0]) and np.all(misses[2] < misses[1])
+    misses = [
+        np.abs(
+            np.subtract(
+                cycle(simulate(system, 30.0, V0=V0, points=20001, **TIGHT)), sharp(system.values())
+            )
+        )
+        for V0 in (0.1, 0.03, 0.01)
+    ]
+    assert (
+        np.all(misses[2] < 0.02) and np.all(misses[1] < misses[0]) and np.all(misses[2] < misses[1])
+    )
 
 
 def test_handbook_numbers_leave_no_drop(system):
@@ -43,7 +62,9 @@ def test_handbook_numbers_leave_no_drop(system):
     run = simulate(system, 30.0, Fc=5.88, rtol=1e-11, atol=1e-13, points=30001)
     tau = np.maximum(run.t - 1.47, 0)
     assert np.abs(run["V"] - 2 * (1 - np.cos(math.sqrt(2) * tau))).max() < 1e-6
-    assert run["V"].max() == pytest.approx(4, abs=1e-6) and 2 * math.pi / math.sqrt(2) == pytest.approx(4.443, abs=1e-3)
+    assert run["V"].max() == pytest.approx(4, abs=1e-6) and 2 * math.pi / math.sqrt(
+        2
+    ) == pytest.approx(4.443, abs=1e-3)
 
 
 def test_inside_the_ring_nothing_is_lost(system):
@@ -65,4 +86,8 @@ def test_energy_balance_over_the_run(system):
 def test_friction_while_sticking_balances_the_spring(system):
     run = simulate(system, 30.0)
     stick = run.mode == "stick"
-    assert np.allclose(run["F"][stick], 2 * run["x"][stick]) and np.all(run["F"] <= 5.88 + 1e-6) and np.all(run["V"] >= -1e-10)
+    assert (
+        np.allclose(run["F"][stick], 2 * run["x"][stick])
+        and np.all(run["F"] <= 5.88 + 1e-6)
+        and np.all(run["V"] >= -1e-10)
+    )

@@ -40,17 +40,30 @@ def clear(run):
 
 def test_the_handbooks_values(book, system):
     assert book["horizon"] == 60.0
-    assert {name: system.parameters[name].value for name in ("mu", "K", "a", "h", "omega", "delta")} == {"mu": 1.2, "K": 0.8, "a": 0.4, "h": 1.0, "omega": 1.0, "delta": 0.0}
+    assert {
+        name: system.parameters[name].value for name in ("mu", "K", "a", "h", "omega", "delta")
+    } == {"mu": 1.2, "K": 0.8, "a": 0.4, "h": 1.0, "omega": 1.0, "delta": 0.0}
     assert system.start == {"x": 0.0, "v": 0.0} == book["system_relay"].start
 
 
 def test_both_branches_at_the_start(system):
     """Each branch is consistent with the force that it causes, and they lead to the handbook's extremes."""
     right, left = (simulate(system, 10.0, first=way) for way in (1, -1))
-    assert [(round(e.before["x"], 3), round(e.t, 3)) for e in turns(right)] == [(3.035, 3.967), (-4.092, 8.503)]
+    assert [(round(e.before["x"], 3), round(e.t, 3)) for e in turns(right)] == [
+        (3.035, 3.967),
+        (-4.092, 8.503),
+    ]
     assert (round(turns(left)[0].before["x"], 3), round(turns(left)[0].t, 3)) == (-0.410, 1.966)
-    assert simulate(system, 10.0).mode[0] == right.mode[0] == "right, driven" and left.mode[0] == "left, driven"
-    assert right["F"][0] == -0.8 and right.at(1e-3)["v"] > 0 and left["F"][0] == 0.8 and left.at(1e-3)["v"] < 0
+    assert (
+        simulate(system, 10.0).mode[0] == right.mode[0] == "right, driven"
+        and left.mode[0] == "left, driven"
+    )
+    assert (
+        right["F"][0] == -0.8
+        and right.at(1e-3)["v"] > 0
+        and left["F"][0] == 0.8
+        and left.at(1e-3)["v"] < 0
+    )
     assert simulate(system, 10.0, mode="left, driven").final == left.final
 
 
@@ -72,7 +85,10 @@ def test_against_the_piecewise_exact_solution(system):
 def test_the_notebooks_own_exact_solution(book, system, way):
     run = simulate(system, 60.0, first=way, rtol=1e-11, atol=1e-13)
     instants, x, v = book["exact"](60.0, way)
-    assert len(run.events) == len(instants) and np.abs([e.t for e in run.events] - instants).max() <= 1e-8
+    assert (
+        len(run.events) == len(instants)
+        and np.abs([e.t for e in run.events] - instants).max() <= 1e-8
+    )
     assert abs(run.final["x"] - x) <= 1e-8 and abs(run.final["v"] - v) <= 1e-8
 
 
@@ -84,28 +100,38 @@ def test_free_motion_grows_by_the_area_of_the_loop(mu, K, a):
     run = simulate(load(NAME)["system"], 1.01 * instants[-1], h=0, mu=mu, K=K, a=a, **TIGHT)
     assert np.allclose([abs(e.before["x"]) for e in turns(run)], 2 * a * n, rtol=1e-8)
     assert np.allclose([e.t for e in turns(run)], instants, rtol=1e-8)
-    energy = np.array([mu * e.before["v"] ** 2 / 2 for e in run.events if e.transition == "switch up"])
+    energy = np.array(
+        [mu * e.before["v"] ** 2 / 2 for e in run.events if e.transition == "switch up"]
+    )
     assert np.allclose(np.diff(energy), 4 * a * K, rtol=1e-7)
 
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_work_round_the_loop_of_the_shaken_cart(system, way):
     run = simulate(system, 60.0, first=way, **TIGHT)
-    ups = [k for k in range(len(run.t) - 1) if run.j[k + 1] > run.j[k] and run.events[run.j[k]].transition == "switch up"]
+    ups = [
+        k
+        for k in range(len(run.t) - 1)
+        if run.j[k + 1] > run.j[k] and run.events[run.j[k]].transition == "switch up"
+    ]
     assert len(ups) >= 4
     for first, last in zip(ups[:-1], ups[1:], strict=True):
         work = -np.sum(run["F"][first + 1 : last] * np.diff(run["x"][first + 1 : last + 1]))
         assert work == pytest.approx(4 * 0.4 * 0.8, abs=1e-8)
 
 
-starts = st.fixed_dictionaries({"x": st.floats(-2, 2), "v": st.one_of(st.just(0.0), st.floats(-2, 2))})
+starts = st.fixed_dictionaries(
+    {"x": st.floats(-2, 2), "v": st.one_of(st.just(0.0), st.floats(-2, 2))}
+)
 
 
 @settings(max_examples=60)
 @given(starts, st.floats(0, 4), st.floats(0.3, 4), st.sampled_from([1, -1]), st.floats(0, 6))
 def test_every_start_obeys_the_formula(start, h, omega, first, t0):
     """Whatever is clicked: the run finishes, and F is the handbook's at every sample that has a value."""
-    run = simulate(load(NAME)["system"], t0 + 12.0, t0=t0, start=start, h=h, omega=omega, first=first)
+    run = simulate(
+        load(NAME)["system"], t0 + 12.0, t0=t0, start=start, h=h, omega=omega, first=first
+    )
     assert run.stopped == "finished"
     use = clear(run)
     assert np.array_equal(run["F"][use], formula(run, run["x"], run["v"])[use])
@@ -116,11 +142,15 @@ def test_every_start_obeys_the_formula(start, h, omega, first, t0):
 @settings(max_examples=60)
 @given(starts, st.floats(0, 4), st.floats(0.3, 4), st.sampled_from([1, -1]), st.floats(0, 6))
 def test_a_relay_with_memory_switches_at_its_switches_only(start, h, omega, first, t0):
-    run = simulate(load(NAME)["system_relay"], t0 + 12.0, t0=t0, start=start, h=h, omega=omega, first=first)
+    run = simulate(
+        load(NAME)["system_relay"], t0 + 12.0, t0=t0, start=start, h=h, omega=omega, first=first
+    )
     assert run.stopped == "finished"
     for k in np.flatnonzero(np.diff(run["F"])):
         rise = run["F"][k + 1] > run["F"][k]
-        assert run["x"][k] == pytest.approx(0.4 if rise else -0.4, abs=1e-7) and (run["v"][k] >= -1e-7 if rise else run["v"][k] <= 1e-7)
+        assert run["x"][k] == pytest.approx(0.4 if rise else -0.4, abs=1e-7) and (
+            run["v"][k] >= -1e-7 if rise else run["v"][k] <= 1e-7
+        )
     outside = np.abs(run["x"]) > 0.4 + 1e-7
     assert np.array_equal(run["F"][outside], 0.8 * np.sign(run["x"][outside]))
 
@@ -133,12 +163,17 @@ def test_both_readings_agree_with_the_given_numbers(book, way):
 
 
 def test_the_readings_part_at_a_turn_inside_the_loop(book):
-    one, other = (simulate(book[name], 15.0, h=1.5, first=-1) for name in ("system", "system_relay"))
+    one, other = (
+        simulate(book[name], 15.0, h=1.5, first=-1) for name in ("system", "system_relay")
+    )
     a, b = one.events[0], other.events[0]
     assert a.t == b.t == pytest.approx(1.2, abs=0.05) and abs(a.before["x"]) < 0.4
     assert (a.target, b.target) == ("right, driven", "right, braked")
     assert one.at(a.t)["F"] == -0.8 and other.at(b.t)["F"] == 0.8
-    assert abs(one.final["x"] - other.final["x"]) > 0.01 and np.abs(one.at(np.array([4.0]))["x"] - other.at(np.array([4.0]))["x"])[0] > 1
+    assert (
+        abs(one.final["x"] - other.final["x"]) > 0.01
+        and np.abs(one.at(np.array([4.0]))["x"] - other.at(np.array([4.0]))["x"])[0] > 1
+    )
 
 
 def test_answers_of_the_tasks(system):
@@ -146,9 +181,15 @@ def test_answers_of_the_tasks(system):
     ninth = turns(simulate(system, 60.0, h=0, a=0.2))[8]
     assert (round(ninth.before["x"], 3), round(ninth.t, 2)) == (3.6, 39.55)
     for first in (1, -1):
-        firsts = [turns(simulate(system, 10.0, start={"v": v}, first=first))[0].before["x"] for v in (0.01, -0.01)]
+        firsts = [
+            turns(simulate(system, 10.0, start={"v": v}, first=first))[0].before["x"]
+            for v in (0.01, -0.01)
+        ]
         assert [round(x, 3) for x in firsts] == [3.035, -0.413]
-    inside = [abs(turns(simulate(system, 10.0, h=h, first=-1))[0].before["x"]) < 0.4 for h in (1.0, 1.05, 1.103, 1.105, 1.2, 1.5)]
+    inside = [
+        abs(turns(simulate(system, 10.0, h=h, first=-1))[0].before["x"]) < 0.4
+        for h in (1.0, 1.05, 1.103, 1.105, 1.2, 1.5)
+    ]
     assert inside == [False, False, False, True, True, True]
     for delta, amplitude in ((0.1, 2.60), (0.2, 1.65)):
         for x in (0.5, 8.0):
@@ -157,8 +198,13 @@ def test_answers_of_the_tasks(system):
 
 
 def test_one_character_chooses_the_future(book):
-    right, left = (simulate(book[name], 10.0, rtol=1e-10, atol=1e-12, points=10001) for name in ("blind", "blind_too"))
-    assert right["x"].max() == pytest.approx(3.035, abs=1e-3) and left["x"].max() == pytest.approx(1.243, abs=1e-3)
+    right, left = (
+        simulate(book[name], 10.0, rtol=1e-10, atol=1e-12, points=10001)
+        for name in ("blind", "blind_too")
+    )
+    assert right["x"].max() == pytest.approx(3.035, abs=1e-3) and left["x"].max() == pytest.approx(
+        1.243, abs=1e-3
+    )
 
 
 def test_location_pays(book, system):
@@ -170,7 +216,10 @@ def test_location_pays(book, system):
         return abs(run.final["x"] - x), run.work.evaluations
 
     for method in ("RK45", "DOP853"):
-        located, blind = trial(system, method=method, rtol=1e-8, atol=1e-10), trial(book["blind"], method=method, rtol=1e-8, atol=1e-10)
+        located, blind = (
+            trial(system, method=method, rtol=1e-8, atol=1e-10),
+            trial(book["blind"], method=method, rtol=1e-8, atol=1e-10),
+        )
         assert blind[0] > 10 * located[0] and blind[1] > 1.3 * located[1]
     coarse, fine = (trial(system, method="RK4", step=step)[0] for step in (0.6, 0.0375))
     assert fine < coarse / 16**3

@@ -38,7 +38,9 @@ def test_handbook_values(book):
     assert (round(np.linalg.det(A), 12), np.trace(A)) == (5.0, -4.0)
     assert classify(A) == "stable spiral point"
     assert book["rest"](system.values()) == pytest.approx(1.4 + 0.8j, abs=1e-15)
-    assert system.modes["motion"].flow(0.0, system.S["motion"](1.4, 0.8), system.values()) == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert system.modes["motion"].flow(
+        0.0, system.S["motion"](1.4, 0.8), system.values()
+    ) == pytest.approx((0.0, 0.0), abs=1e-15)
 
 
 def test_jacobian_is_constant(book):
@@ -46,15 +48,32 @@ def test_jacobian_is_constant(book):
     assert not A.free_symbols & {A.equations.t, *A.equations.states.values()}
 
 
-@pytest.mark.parametrize("changed", [{}, {"alpha": -0.3, "beta": 4.0, "b1": -1.0}, {"alpha": 0.0, "beta": 2.0}, {"alpha": 0.2}])
+@pytest.mark.parametrize(
+    "changed",
+    [{}, {"alpha": -0.3, "beta": 4.0, "b1": -1.0}, {"alpha": 0.0, "beta": 2.0}, {"alpha": 0.2}],
+)
 def test_exact_solution_of_the_notebook_is_the_handbooks(book, changed):
     run = simulate(book["system"], 5.0, points=20, **changed)
     assert book["exact"](run) == pytest.approx(by_matrices(run), rel=1e-11, abs=1e-12)
 
 
-@pytest.mark.parametrize("start, method", [*((start, method) for start in STARTS for method in ("RK45", "DOP853")), (STARTS[0], "LSODA"), (STARTS[0], "Radau")])
+@pytest.mark.parametrize(
+    "start, method",
+    [
+        *((start, method) for start in STARTS for method in ("RK45", "DOP853")),
+        (STARTS[0], "LSODA"),
+        (STARTS[0], "Radau"),
+    ],
+)
 def test_simulation_against_exact_solution(book, start, method):
-    run = simulate(book["system"], book["horizon"], start=dict(zip(("s1", "s2"), start, strict=True)), method=method, rtol=1e-10, atol=1e-12)
+    run = simulate(
+        book["system"],
+        book["horizon"],
+        start=dict(zip(("s1", "s2"), start, strict=True)),
+        method=method,
+        rtol=1e-10,
+        atol=1e-12,
+    )
     error = np.abs(book["state"](run) - book["exact"](run))
     assert run.stopped == "finished" and not run.events
     assert error[-1] < 1e-9
@@ -64,14 +83,25 @@ def test_simulation_against_exact_solution(book, start, method):
 def test_simulation_against_scipy(book):
     system, run = book["system"], simulate(book["system"], book["horizon"], rtol=1e-10, atol=1e-12)
     flow, kind, p = system.modes["motion"].flow, system.S["motion"], system.values()
-    other = solve_ivp(lambda t, y: flow(t, kind(*y), p), (0, 10), [4.0, -2.0], method="DOP853", t_eval=run.t, rtol=1e-12, atol=1e-14)
+    other = solve_ivp(
+        lambda t, y: flow(t, kind(*y), p),
+        (0, 10),
+        [4.0, -2.0],
+        method="DOP853",
+        t_eval=run.t,
+        rtol=1e-12,
+        atol=1e-14,
+    )
     assert np.abs(other.y - [run["s1"], run["s2"]]).max() < 1e-8
 
 
 def test_both_back_ends(book):
     plain, compiled = (simulate(book["system"], 10.0, backend=b) for b in ("plain", "compiled"))
     assert np.abs(book["state"](plain) - book["state"](compiled)).max() < 1e-13
-    assert (plain.work.steps, plain.work.evaluations) == (compiled.work.steps, compiled.work.evaluations)
+    assert (plain.work.steps, plain.work.evaluations) == (
+        compiled.work.steps,
+        compiled.work.evaluations,
+    )
 
 
 def test_logarithmic_spiral_in_the_runs_of_the_notebook(book):
@@ -94,12 +124,18 @@ def test_largest_stable_step(book, method, terms):
     """The notebook's limit of Euler, and the answer to its task on Heun and RK4, as the engine really behaves."""
     factor = np.array([1, 1, 1 / 2, 1 / 6, 1 / 24])[: terms + 1]
     limit = brentq(lambda h: abs(np.polyval(factor[::-1], h * (-2 - 1j))) - 1, 0.3, 3)
-    assert limit == pytest.approx({"Euler": book["limit"], "Heun": 0.9611, "RK4": 1.2751}[method], abs=5e-5)
+    assert limit == pytest.approx(
+        {"Euler": book["limit"], "Heun": 0.9611, "RK4": 1.2751}[method], abs=5e-5
+    )
     for h, grows in ((0.97 * limit, False), (1.03 * limit, True)):
-        run = simulate(book["system"], 40 * h, method=method, step=h, points=np.linspace(0, 40 * h, 41))
+        run = simulate(
+            book["system"], 40 * h, method=method, step=h, points=np.linspace(0, 40 * h, 41)
+        )
         r = np.abs(book["state"](run) - 1.4 - 0.8j)
         assert bool(r[-1] > r[0]) is grows
-        assert r[-1] / r[0] == pytest.approx(abs(np.polyval(factor[::-1], h * (-2 - 1j))) ** 40, rel=1e-9)
+        assert r[-1] / r[0] == pytest.approx(
+            abs(np.polyval(factor[::-1], h * (-2 - 1j))) ** 40, rel=1e-9
+        )
 
 
 def test_euler_at_its_limit_shows_a_centre(book):
@@ -113,7 +149,9 @@ def test_tolerance_is_about_the_state_and_not_about_the_distance(book):
     ends = {}
     for q in (1e-3, 1e-9):
         run = simulate(book["system"], 10.0, method="RK45", rtol=q, atol=q / 100)
-        ends[q] = abs(book["state"](run)[-1] - 1.4 - 0.8j) / abs(book["exact"](run)[-1] - 1.4 - 0.8j)
+        ends[q] = abs(book["state"](run)[-1] - 1.4 - 0.8j) / abs(
+            book["exact"](run)[-1] - 1.4 - 0.8j
+        )
     assert ends[1e-3] > 1000 and ends[1e-9] == pytest.approx(1, abs=0.2)
 
 
@@ -136,10 +174,23 @@ def test_answers_to_the_tasks(book):
 
 
 def test_panel_at_the_ends_of_its_sliders(book):
-    panel = explore(book["system"], book["horizon"], book["picture"], verdict=book["verdict"], sliders={"s1": (-5, 5), "s2": (-5, 5)})
+    panel = explore(
+        book["system"],
+        book["horizon"],
+        book["picture"],
+        verdict=book["verdict"],
+        sliders={"s1": (-5, 5), "s2": (-5, 5)},
+    )
     panel.check()
-    words = {alpha: book["verdict"](simulate(book["system"], 10.0, alpha=alpha)) for alpha in (-2.0, 0.0, 0.5)}
-    assert [words[alpha].split(" at ")[0] for alpha in words] == ["stable spiral point", "centre", "unstable spiral point"]
+    words = {
+        alpha: book["verdict"](simulate(book["system"], 10.0, alpha=alpha))
+        for alpha in (-2.0, 0.0, 0.5)
+    }
+    assert [words[alpha].split(" at ")[0] for alpha in words] == [
+        "stable spiral point",
+        "centre",
+        "unstable spiral point",
+    ]
     assert "(1.4, 0.8)" in words[-2.0] and "3.5e-06" in words[-2.0]
 
 
@@ -157,5 +208,11 @@ def test_misprint_of_the_handbook(book):
 
 
 def test_nine_headings_in_order():
-    heads = [line for cell in read(NAME)["cells"] if cell["cell_type"] == "markdown" for line in source(cell).splitlines() if line.startswith("## ")]
+    heads = [
+        line
+        for cell in read(NAME)["cells"]
+        if cell["cell_type"] == "markdown"
+        for line in source(cell).splitlines()
+        if line.startswith("## ")
+    ]
     assert [head.split()[1] for head in heads] == list("123456789")

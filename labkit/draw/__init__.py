@@ -1,17 +1,46 @@
 """Pictures: time plots, phase portraits, sketches. Each is an ordinary Matplotlib figure in one house style.
 
-    time_plot(run, "x", ("V", "F"))
-    phase_portrait(system, "x", "v", starts=40, horizon=10.0)
-    Sketch(8, 3)
+time_plot(run, "x", ("V", "F"))
+phase_portrait(system, "x", "v", starts=40, horizon=10.0)
+Sketch(8, 3)
 """
 
 from .figure import COLORS, Figure, figure, mode_colors
 from .overlay import Handle
-from .phase import PhasePortrait, direction_field, equilibria, guard_lines, nullclines, phase_portrait, trajectories
+from .phase import (
+    PhasePortrait,
+    direction_field,
+    equilibria,
+    guard_lines,
+    nullclines,
+    phase_portrait,
+    trajectories,
+)
 from .planes import Planes, arrow_heads, flow_lines, planes
 from .sketch import Motion, Sketch
 from .time import TimePlot, time_plot
 from .view import View
 
-__all__ = ["COLORS", "Figure", "Handle", "Motion", "PhasePortrait", "Planes", "Sketch", "TimePlot", "View", "arrow_heads", "direction_field", "equilibria",
-           "figure", "flow_lines", "guard_lines", "mode_colors", "nullclines", "phase_portrait", "planes", "time_plot", "trajectories"]
+__all__ = [
+    "COLORS",
+    "Figure",
+    "Handle",
+    "Motion",
+    "PhasePortrait",
+    "Planes",
+    "Sketch",
+    "TimePlot",
+    "View",
+    "arrow_heads",
+    "direction_field",
+    "equilibria",
+    "figure",
+    "flow_lines",
+    "guard_lines",
+    "mode_colors",
+    "nullclines",
+    "phase_portrait",
+    "planes",
+    "time_plot",
+    "trajectories",
+]

@@ -1,9 +1,9 @@
 """The house figure: one style, one palette, a small PNG that never changes by itself. pyplot is not used anywhere.
 
-    fig = figure(2, 1, height=5)
-    fig.axes[0].plot(t, x)
-    fig                                   # as the last line of a cell: the picture
-    fig.savefig("x.svg")                  # everything Matplotlib can do stays possible
+fig = figure(2, 1, height=5)
+fig.axes[0].plot(t, x)
+fig                                   # as the last line of a cell: the picture
+fig.savefig("x.svg")                  # everything Matplotlib can do stays possible
 """
 
 from __future__ import annotations
@@ -30,10 +30,20 @@ from matplotlib.mathtext import MathTextParser
 from PIL import Image
 
 from ..model import ModelError, System
-from ..show import latex_name
 from ..run import _write
+from ..show import latex_name
 
-__all__ = ["COLORS", "DASHES", "Figure", "STYLE", "figure", "label", "mode_colors", "symbol", "tint"]
+__all__ = [
+    "COLORS",
+    "DASHES",
+    "Figure",
+    "STYLE",
+    "figure",
+    "label",
+    "mode_colors",
+    "symbol",
+    "tint",
+]
 
 #: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all common kinds of colour
 #: vision; their yellow is left out (invisible on white) and black comes last, since axes and text have it.
@@ -45,23 +55,71 @@ BANDS = (0.11, 0.23, 0.16, 0.31)
 INK, FAINT, GRID = "#222222", "#8A8A8A", "#E3E3E3"
 
 CSS_DPI = 96  # an inch on the page
-PNG_DPI = 120  # of the saved picture, which is shown smaller, at CSS_DPI: crisp on a dense screen too
+PNG_DPI = (
+    120  # of the saved picture, which is shown smaller, at CSS_DPI: crisp on a dense screen too
+)
 PNG_BYTES = 60_000
 
 STYLE = {
-    "font.family": "DejaVu Sans", "font.size": 10.0, "mathtext.fontset": "dejavusans", "axes.unicode_minus": True, "text.usetex": False,
-    "figure.facecolor": "white", "savefig.facecolor": "auto", "savefig.edgecolor": "auto", "savefig.bbox": None, "savefig.transparent": False,
-    "axes.facecolor": "white", "axes.edgecolor": FAINT, "axes.linewidth": 0.8, "axes.labelcolor": INK, "axes.titlecolor": INK,
-    "axes.titlesize": 11.0, "axes.titlelocation": "left", "axes.titleweight": "normal", "axes.labelsize": 11.0,
-    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-4, 5), "axes.xmargin": 0.0, "axes.ymargin": 0.08, "grid.color": GRID, "grid.linewidth": 0.7, "grid.linestyle": "-",
-    "xtick.color": FAINT, "ytick.color": FAINT, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.labelsize": 9.5, "ytick.labelsize": 9.5,
-    "xtick.direction": "out", "ytick.direction": "out", "legend.frameon": False, "legend.fontsize": 9.5, "legend.handlelength": 2.0,
-    "legend.columnspacing": 1.4, "legend.handletextpad": 0.5, "legend.labelcolor": INK, "text.color": INK, "lines.linewidth": 1.6,
-    "lines.solid_capstyle": "round", "lines.solid_joinstyle": "round", "patch.linewidth": 1.0, "path.simplify": True, "path.simplify_threshold": 1 / 9,
+    "font.family": "DejaVu Sans",
+    "font.size": 10.0,
+    "mathtext.fontset": "dejavusans",
+    "axes.unicode_minus": True,
+    "text.usetex": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "auto",
+    "savefig.edgecolor": "auto",
+    "savefig.bbox": None,
+    "savefig.transparent": False,
+    "axes.facecolor": "white",
+    "axes.edgecolor": FAINT,
+    "axes.linewidth": 0.8,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.titlesize": 11.0,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "normal",
+    "axes.labelsize": 11.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.xmargin": 0.0,
+    "axes.ymargin": 0.08,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "grid.linestyle": "-",
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 9.5,
+    "ytick.labelsize": 9.5,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "legend.handlelength": 2.0,
+    "legend.columnspacing": 1.4,
+    "legend.handletextpad": 0.5,
+    "legend.labelcolor": INK,
+    "text.color": INK,
+    "lines.linewidth": 1.6,
+    "lines.solid_capstyle": "round",
+    "lines.solid_joinstyle": "round",
+    "patch.linewidth": 1.0,
+    "path.simplify": True,
+    "path.simplify_threshold": 1 / 9,
 }
 
-VEIL = {"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}  # behind moving words: a halo takes 6 ms
+VEIL = {
+    "boxstyle": "square,pad=0.05",
+    "facecolor": "white",
+    "edgecolor": "none",
+    "alpha": 0.75,
+}  # behind moving words: a halo takes 6 ms
 HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
 
 
@@ -74,7 +132,9 @@ class Renderer(RendererAgg):
         super().__init__(width, height, dpi)
         self.mathtext_parser = self._formulas
 
-    def get_text_width_height_descent(self, s: str, prop: FontProperties, ismath: Any) -> tuple[float, float, float]:
+    def get_text_width_height_descent(
+        self, s: str, prop: FontProperties, ismath: Any
+    ) -> tuple[float, float, float]:
         return _size_of_words(s, prop.copy(), ismath, self.dpi)
 
     def _get_font_height_metrics(self, prop: FontProperties) -> tuple[float, float, float]:
@@ -82,7 +142,9 @@ class Renderer(RendererAgg):
 
 
 @lru_cache(8192)
-def _size_of_words(s: str, prop: FontProperties, ismath: Any, dpi: float) -> tuple[float, float, float]:
+def _size_of_words(
+    s: str, prop: FontProperties, ismath: Any, dpi: float
+) -> tuple[float, float, float]:
     return RendererAgg.get_text_width_height_descent(_measure(dpi), s, prop, ismath)
 
 
@@ -90,8 +152,15 @@ def _size_of_words(s: str, prop: FontProperties, ismath: Any, dpi: float) -> tup
 def _size_of_lines(prop: FontProperties, dpi: float) -> tuple[float, float, float]:
     """Ascent, descent and gap of lines, as text.py reads them from the font."""
     font = get_font(fontManager.findfont(prop))
-    line, scale = font.get_sfnt_table("OS/2"), prop.get_size_in_points() * dpi / 72 / font.get_sfnt_table("head")["unitsPerEm"]
-    return line["sTypoAscender"] * scale, -line["sTypoDescender"] * scale, line["sTypoLineGap"] * scale
+    line, scale = (
+        font.get_sfnt_table("OS/2"),
+        prop.get_size_in_points() * dpi / 72 / font.get_sfnt_table("head")["unitsPerEm"],
+    )
+    return (
+        line["sTypoAscender"] * scale,
+        -line["sTypoDescender"] * scale,
+        line["sTypoLineGap"] * scale,
+    )
 
 
 @lru_cache(4)
@@ -148,14 +217,22 @@ class Figure(matplotlib.figure.Figure):
                 self.dpi = dpi
                 if self.axes and engine is not None and not self.frozen:
                     engine.execute(self)
-                self.frozen = True  # it is laid out now: savefig would draw everything twice for that
-                self.savefig(buffer, format="rgba", dpi=dpi)  # the saving path: it draws animated artists as well
+                self.frozen = (
+                    True  # it is laid out now: savefig would draw everything twice for that
+                )
+                self.savefig(
+                    buffer, format="rgba", dpi=dpi
+                )  # the saving path: it draws animated artists as well
             finally:
                 self.dpi, self.frozen = before
                 self.set_layout_engine(engine)  # savefig puts back the one that it has met: none
         width = int(self.get_figwidth() * dpi + 0.5)
         pixels = buffer.tell() // 4  # Matplotlib's own rounding may differ by one pixel from ours
-        width = next(w for w in (width, width - 1, width + 1) if pixels % w == 0 and abs(pixels / w - self.get_figheight() * dpi) < 1.5)
+        width = next(
+            w
+            for w in (width, width - 1, width + 1)
+            if pixels % w == 0 and abs(pixels / w - self.get_figheight() * dpi) < 1.5
+        )
         rgb = Image.frombuffer("RGBA", (width, pixels // width), buffer.getvalue()).convert("RGB")
         return _palette_png(rgb)
 
@@ -172,7 +249,9 @@ class Figure(matplotlib.figure.Figure):
     def _repr_png_(self) -> bytes:
         return self.png()
 
-    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(
+        self, include: object = None, exclude: object = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         width, height = self.css_size
         return {"image/png": self.png()}, {"image/png": {"width": width, "height": height}}
 
@@ -183,16 +262,27 @@ def _palette_png(rgb: Image.Image) -> bytes:
     The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum coverage, which keeps
     the hue of a single thin line where median cut spends the palette on shades of the background.
     """
-    counted = sorted(rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height), key=lambda pair: (-pair[0], pair[1]))
+    counted = sorted(
+        rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height),
+        key=lambda pair: (-pair[0], pair[1]),
+    )
     found = np.array([color for _, color in counted], dtype=np.int32)
     key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
-    place = np.zeros(1 << 24, dtype=np.uint8)  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
-    each = Image.fromarray(found.astype(np.uint8)[None])  # every colour once is enough for maximum coverage
+    place = np.zeros(
+        1 << 24, dtype=np.uint8
+    )  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
+    each = Image.fromarray(
+        found.astype(np.uint8)[None]
+    )  # every colour once is enough for maximum coverage
     for colors in (128, 64, 32, 20):
         rest = each.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
-        table = np.concatenate([found[: colors // 2], np.array(rest, dtype=np.int32).reshape(-1, 3)[: colors // 2]])
+        table = np.concatenate(
+            [found[: colors // 2], np.array(rest, dtype=np.int32).reshape(-1, 3)[: colors // 2]]
+        )
         for part in np.array_split(found, len(found) // 4096 + 1):
-            place[part @ [1 << 16, 1 << 8, 1]] = ((part[:, None, :] - table) ** 2).sum(axis=2).argmin(axis=1)
+            place[part @ [1 << 16, 1 << 8, 1]] = (
+                ((part[:, None, :] - table) ** 2).sum(axis=2).argmin(axis=1)
+            )
         picture = Image.fromarray(place[key], "P")
         picture.putpalette(table.astype(np.uint8).tobytes())
         out = io.BytesIO()
@@ -202,23 +292,41 @@ def _palette_png(rgb: Image.Image) -> bytes:
     return out.getvalue()
 
 
-def figure(rows: int = 1, columns: int = 1, width: float = 9.0, height: float = 4.0, *, sharex: bool | str = False, sharey: bool | str = False,
-           heights: Sequence[float] | None = None, widths: Sequence[float] | None = None, title: str = "") -> Figure:
+def figure(
+    rows: int = 1,
+    columns: int = 1,
+    width: float = 9.0,
+    height: float = 4.0,
+    *,
+    sharex: bool | str = False,
+    sharey: bool | str = False,
+    heights: Sequence[float] | None = None,
+    widths: Sequence[float] | None = None,
+    title: str = "",
+) -> Figure:
     """figure(2, 1, height=5) -> Figure with rows × columns axes in fig.axes (row by row), constrained layout, house style.
 
     width, height in inches, 96 CSS pixels each; `heights` and `widths` are relative sizes of the rows and columns.
     rows=0 gives an empty figure. Raises ModelError for sizes that make no picture.
     """
     if not (1 <= width <= 40 and 0.5 <= height <= 60):
-        raise ModelError(f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in 0.5 … 60")
+        raise ModelError(
+            f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in 0.5 … 60"
+        )
     if rows < 0 or columns < 0 or rows * columns > 100:
         raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
     with style():
         fig = Figure(figsize=(width, height), dpi=PNG_DPI, layout="constrained")
         Canvas(fig)
         if rows * columns:
-            fig.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False,
-                         gridspec_kw={"height_ratios": heights, "width_ratios": widths})
+            fig.subplots(
+                rows,
+                columns,
+                sharex=sharex,
+                sharey=sharey,
+                squeeze=False,
+                gridspec_kw={"height_ratios": heights, "width_ratios": widths},
+            )
         if title:
             fig.suptitle(title, x=0.01, ha="left", fontsize=12)
     return fig
@@ -257,7 +365,10 @@ def label(system: System, *names: str) -> str:
     units = [system.unit(name) for name in names]
     if len(set(units)) == 1:
         return ", ".join(map(symbol, names)) + (f" [{units[0]}]" if units[0] else "")
-    return ", ".join(symbol(name) + (f" [{unit}]" if unit else "") for name, unit in zip(names, units, strict=True))
+    return ", ".join(
+        symbol(name) + (f" [{unit}]" if unit else "")
+        for name, unit in zip(names, units, strict=True)
+    )
 
 
 def head(axes: Axes, title: str, entries: Sequence[tuple[Artist, str]]) -> None:
@@ -265,12 +376,26 @@ def head(axes: Axes, title: str, entries: Sequence[tuple[Artist, str]]) -> None:
 
     Side by side where both fit into the width of the axes, else the title stands above the legend. Widths are estimates.
     """
-    room = 1.15 * axes.get_position().width * axes.get_figure().get_figwidth()  # the layout widens the axes later
-    widths = [0.07 * len(re.sub(r"\\mathrm|[${}_]|(?<=\\\w)\w*", "", text)) + 0.5 for _, text in entries]
+    room = (
+        1.15 * axes.get_position().width * axes.get_figure().get_figwidth()
+    )  # the layout widens the axes later
+    widths = [
+        0.07 * len(re.sub(r"\\mathrm|[${}_]|(?<=\\\w)\w*", "", text)) + 0.5 for _, text in entries
+    ]
     columns = max(1, min(len(entries), int(room / max(widths, default=1.0))))
     with style():
         beside = 0.085 * len(title) + sum(widths) < room
-        axes.set_title(title, loc="left", pad=None if beside or not title else 6 + 16 * -(-len(entries) // columns))
+        axes.set_title(
+            title,
+            loc="left",
+            pad=None if beside or not title else 6 + 16 * -(-len(entries) // columns),
+        )
         if entries:
-            axes.legend(*zip(*entries, strict=True), loc="lower right" if beside else "lower left", bbox_to_anchor=(1.0, 1.0) if beside else (0.0, 1.0),
-                        ncols=len(entries) if beside else columns, borderaxespad=0.2, borderpad=0.2)
+            axes.legend(
+                *zip(*entries, strict=True),
+                loc="lower right" if beside else "lower left",
+                bbox_to_anchor=(1.0, 1.0) if beside else (0.0, 1.0),
+                ncols=len(entries) if beside else columns,
+                borderaxespad=0.2,
+                borderpad=0.2,
+            )

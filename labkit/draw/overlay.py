@@ -1,8 +1,8 @@
 """What a hand adds to a picture on the screen: handles to drag, a time cursor, a held run, trajectories that a click has started.
 
-    Handle(axes, "alpha", "beta")                        # in the list that a panel's `draw` returns: its place sets two parameters
-    Handle(axes, place=lambda run: (…, …), values=lambda x, y: {"a": …, "b": …})
-    Overlay(view.shows)
+Handle(axes, "alpha", "beta")                        # in the list that a panel's `draw` returns: its place sets two parameters
+Handle(axes, place=lambda run: (…, …), values=lambda x, y: {"a": …, "b": …})
+Overlay(view.shows)
 """
 
 from __future__ import annotations
@@ -31,14 +31,41 @@ class Handle(View):
     A panel clips the values to the ranges of the sliders. Raises ModelError when names are missing.
     """
 
-    def __init__(self, axes: Axes, *names: str, place: Callable[[Run], tuple[float, float]] | None = None,
-                 values: Callable[[float, float], Mapping[str, float]] | None = None, color: str = COLORS[1], meaning: str = ""):
+    def __init__(
+        self,
+        axes: Axes,
+        *names: str,
+        place: Callable[[Run], tuple[float, float]] | None = None,
+        values: Callable[[float, float], Mapping[str, float]] | None = None,
+        color: str = COLORS[1],
+        meaning: str = "",
+    ):
         if len(names) != 2 and (place is None or values is None):
-            raise ModelError("a Handle needs the names of two parameters or states, or place= and values=")
-        self.axes, self.figure, self.meaning = axes, axes.get_figure(), meaning or ", ".join(names) or "handle"
-        self.place = place or (lambda run: tuple(run.start[name] if name in run.start else getattr(run.p, name) for name in names))
+            raise ModelError(
+                "a Handle needs the names of two parameters or states, or place= and values="
+            )
+        self.axes, self.figure, self.meaning = (
+            axes,
+            axes.get_figure(),
+            meaning or ", ".join(names) or "handle",
+        )
+        self.place = place or (
+            lambda run: tuple(
+                run.start[name] if name in run.start else getattr(run.p, name) for name in names
+            )
+        )
         self.values = values or (lambda x, y: dict(zip(names, (x, y), strict=True)))
-        self.dot = Line2D([], [], linestyle="none", marker="o", markersize=10, markerfacecolor="white", markeredgecolor=color, markeredgewidth=2.4, zorder=9)
+        self.dot = Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker="o",
+            markersize=10,
+            markerfacecolor="white",
+            markeredgecolor=color,
+            markeredgewidth=2.4,
+            zorder=9,
+        )
         axes.add_artist(self.dot)
         self.artists = [self.dot]
 
@@ -59,12 +86,51 @@ class Overlay(View):
         self.shows = list(shows)
         grey = {"color": FAINT, "linewidth": 2.6, "alpha": 0.55, "zorder": 2.7}
         self.ghosts = [[Line2D([], [], **grey) for _ in show.names] for show in self.shows]
-        self.lines = [Line2D([], [], color=INK, linewidth=0.9, alpha=0.7, zorder=8, transform=show.axes.get_xaxis_transform()) for show in self.shows]
-        self.dots = [Line2D([], [], linestyle="none", marker="o", markersize=7, color=COLORS[1], markeredgecolor="white", zorder=8.5) for _ in self.shows]
-        self.curves = [Line2D([], [], color=COLORS[2], linewidth=1.5, zorder=4.6) for _ in self.shows]
-        self.starts = [Line2D([], [], linestyle="none", marker="o", markersize=5, color=COLORS[2], markerfacecolor="white", zorder=4.7) for _ in self.shows]
+        self.lines = [
+            Line2D(
+                [],
+                [],
+                color=INK,
+                linewidth=0.9,
+                alpha=0.7,
+                zorder=8,
+                transform=show.axes.get_xaxis_transform(),
+            )
+            for show in self.shows
+        ]
+        self.dots = [
+            Line2D(
+                [],
+                [],
+                linestyle="none",
+                marker="o",
+                markersize=7,
+                color=COLORS[1],
+                markeredgecolor="white",
+                zorder=8.5,
+            )
+            for _ in self.shows
+        ]
+        self.curves = [
+            Line2D([], [], color=COLORS[2], linewidth=1.5, zorder=4.6) for _ in self.shows
+        ]
+        self.starts = [
+            Line2D(
+                [],
+                [],
+                linestyle="none",
+                marker="o",
+                markersize=5,
+                color=COLORS[2],
+                markerfacecolor="white",
+                zorder=4.7,
+            )
+            for _ in self.shows
+        ]
         self.artists = []
-        for show, *artists, ghosts in zip(self.shows, self.lines, self.dots, self.curves, self.starts, self.ghosts, strict=True):
+        for show, *artists, ghosts in zip(
+            self.shows, self.lines, self.dots, self.curves, self.starts, self.ghosts, strict=True
+        ):
             for artist in (*artists, *ghosts):
                 artist.set_in_layout(False)
                 show.axes.add_artist(artist)
@@ -83,7 +149,11 @@ class Overlay(View):
     def hold(self, run: Run | None) -> None:
         for show, lines in zip(self.shows, self.ghosts, strict=True):
             for name, line in zip(show.names, lines, strict=True):
-                line.set_data(([], []) if run is None else (run.t if show.x == "t" else run[show.x], run[name]))
+                line.set_data(
+                    ([], [])
+                    if run is None
+                    else (run.t if show.x == "t" else run[show.x], run[name])
+                )
 
     def add(self, runs: Sequence[Run]) -> None:
         for show, curve, starts in zip(self.shows, self.curves, self.starts, strict=True):

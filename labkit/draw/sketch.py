@@ -1,11 +1,11 @@
 """Drawn sketches: mechanisms and block diagrams in about ten lines.
 
-    s = Sketch(8, 2.6)
-    s.ground((0.5, 0.6), (7.5, 0.6))
-    m = s.block((2.5, 1.1), 1.4, 1.0, "$m$")
-    k = s.spring(m.right, (6.0, 1.1), "$k$")
-    s.arrow(k.end, (7.0, 1.1), "$V_p$")
-    s                                         # as the last line of a cell: the picture
+s = Sketch(8, 2.6)
+s.ground((0.5, 0.6), (7.5, 0.6))
+m = s.block((2.5, 1.1), 1.4, 1.0, "$m$")
+k = s.spring(m.right, (6.0, 1.1), "$k$")
+s.arrow(k.end, (7.0, 1.1), "$V_p$")
+s                                         # as the last line of a cell: the picture
 """
 
 from __future__ import annotations
@@ -35,10 +35,26 @@ FILL = "#EAF2F8"
 CHARACTERISTICS: dict[str, Sequence[Point]] = {
     "relay": ((-1, -0.7), (0, -0.7), (0, 0.7), (1, 0.7)),
     "dead zone": ((-1, -0.7), (-0.4, 0), (0.4, 0), (1, 0.7)),
-    "relay with dead zone": ((-1, -0.7), (-0.35, -0.7), (-0.35, 0), (0.35, 0), (0.35, 0.7), (1, 0.7)),
+    "relay with dead zone": (
+        (-1, -0.7),
+        (-0.35, -0.7),
+        (-0.35, 0),
+        (0.35, 0),
+        (0.35, 0.7),
+        (1, 0.7),
+    ),
     "saturation": ((-1, -0.7), (-0.45, -0.7), (0.45, 0.7), (1, 0.7)),
     "hysteresis": ((-1, -0.7), (0.4, -0.7), (0.4, 0.7), (1, 0.7), (-0.4, 0.7), (-0.4, -0.7)),
-    "friction": ((-1, -0.6), (-0.5, -0.45), (-0.12, -0.7), (0, -0.85), (0, 0.85), (0.12, 0.7), (0.5, 0.45), (1, 0.6)),
+    "friction": (
+        (-1, -0.6),
+        (-0.5, -0.45),
+        (-0.12, -0.7),
+        (0, -0.85),
+        (0, 0.85),
+        (0.12, 0.7),
+        (0.5, 0.45),
+        (1, 0.6),
+    ),
 }
 
 
@@ -100,22 +116,53 @@ class Sketch(View):
 
     # -- plain pieces ---------------------------------------------------------------------------------------------------
 
-    def line(self, *points: Point, color: str = INK, width: float = 1.4, dashed: bool = False) -> Span:
+    def line(
+        self, *points: Point, color: str = INK, width: float = 1.4, dashed: bool = False
+    ) -> Span:
         """s.line((1, 1), (2, 1), (2, 2)): a stroke through the points."""
         _points(*points)
-        self.axes.add_line(Line2D(*zip(*points, strict=True), color=color, linewidth=width, linestyle=(0, (4, 3)) if dashed else "-", zorder=2))  # type: ignore[arg-type]
+        self.axes.add_line(
+            Line2D(
+                *zip(*points, strict=True),
+                color=color,
+                linewidth=width,
+                linestyle=(0, (4, 3)) if dashed else "-",
+                zorder=2,
+            )
+        )  # type: ignore[arg-type]
         return Span(points[0], points[-1])
 
-    def text(self, at: Point, label: str, color: str = INK, size: float = 12.0, align: str = "center", vertical: str = "center", angle: float = 0.0,
-             halo: bool = True) -> Sketch:
+    def text(
+        self,
+        at: Point,
+        label: str,
+        color: str = INK,
+        size: float = 12.0,
+        align: str = "center",
+        vertical: str = "center",
+        angle: float = 0.0,
+        halo: bool = True,
+    ) -> Sketch:
         """s.text((3, 1), "rough ground"): free words or a formula, on a white halo."""
         _points(at)
         with style():
-            self.axes.text(*at, label, color=color, fontsize=size, ha=align, va=vertical, rotation=angle, rotation_mode="anchor", zorder=9,
-                           path_effects=HALO if halo else ())
+            self.axes.text(
+                *at,
+                label,
+                color=color,
+                fontsize=size,
+                ha=align,
+                va=vertical,
+                rotation=angle,
+                rotation_mode="anchor",
+                zorder=9,
+                path_effects=HALO if halo else (),
+            )
         return self
 
-    def arrow(self, start: Point, end: Point, label: str = "", color: str = COLORS[1], side: str = "end") -> Span:
+    def arrow(
+        self, start: Point, end: Point, label: str = "", color: str = COLORS[1], side: str = "end"
+    ) -> Span:
         """s.arrow(m.right, (5, 1), "$F$"): a force or velocity; the label stands at the "end", "above" or "below" the middle."""
         self._arrow((start, end), color, 2.0)
         self._label_along(start, end, label, side, 0.2, color)
@@ -134,14 +181,34 @@ class Sketch(View):
         for point, moved in ((start, a), (end, b)):
             if offset:
                 reach = offset + np.sign(offset) * 0.08
-                self.line(point, (point[0] + reach * nx, point[1] + reach * ny), color=FAINT, width=0.8)
+                self.line(
+                    point, (point[0] + reach * nx, point[1] + reach * ny), color=FAINT, width=0.8
+                )
             else:
-                self.line((moved[0] - 0.09 * nx, moved[1] - 0.09 * ny), (moved[0] + 0.09 * nx, moved[1] + 0.09 * ny), width=0.9)
-        self.axes.add_patch(FancyArrowPatch(a, b, arrowstyle="<|-|>", mutation_scale=8, color=INK, linewidth=0.9, shrinkA=0, shrinkB=0, zorder=3))
+                self.line(
+                    (moved[0] - 0.09 * nx, moved[1] - 0.09 * ny),
+                    (moved[0] + 0.09 * nx, moved[1] + 0.09 * ny),
+                    width=0.9,
+                )
+        self.axes.add_patch(
+            FancyArrowPatch(
+                a,
+                b,
+                arrowstyle="<|-|>",
+                mutation_scale=8,
+                color=INK,
+                linewidth=0.9,
+                shrinkA=0,
+                shrinkB=0,
+                zorder=3,
+            )
+        )
         if label:  # on the far side of an offset, else above or to the right
             side = np.sign(offset) if offset else 1.0 if (ny, nx) > (0, 0) else -1.0
             away = 0.17 if abs(ax) > 0.5 else 0.22
-            self.text(((a[0] + b[0]) / 2 + side * away * nx, (a[1] + b[1]) / 2 + side * away * ny), label)
+            self.text(
+                ((a[0] + b[0]) / 2 + side * away * nx, (a[1] + b[1]) / 2 + side * away * ny), label
+            )
         return Span(a, b)
 
     # -- mechanisms -----------------------------------------------------------------------------------------------------
@@ -152,22 +219,57 @@ class Sketch(View):
         length = hypot(end[0] - start[0], end[1] - start[1])
         along = np.linspace(0.1, length, max(2, round(length / 0.14)))
         depth = 0.13
-        x = np.column_stack([start[0] + along * ax, start[0] + (along - depth) * ax - depth * nx, np.full(len(along), np.nan)]).ravel()
-        y = np.column_stack([start[1] + along * ay, start[1] + (along - depth) * ay - depth * ny, np.full(len(along), np.nan)]).ravel()
+        x = np.column_stack(
+            [
+                start[0] + along * ax,
+                start[0] + (along - depth) * ax - depth * nx,
+                np.full(len(along), np.nan),
+            ]
+        ).ravel()
+        y = np.column_stack(
+            [
+                start[1] + along * ay,
+                start[1] + (along - depth) * ay - depth * ny,
+                np.full(len(along), np.nan),
+            ]
+        ).ravel()
         self.axes.add_line(Line2D(x, y, color=FAINT, linewidth=0.9, zorder=1))
         return self.line(start, end, width=1.6)
 
     def wall(self, foot: Point, height: float, side: str = "left") -> Span:
         """s.wall((1, 0.5), 2): an upright fixed wall, hatched on its "left" or "right" side."""
         x, y = foot
-        return self.ground((x, y + height), (x, y)) if side == "left" else self.ground((x, y), (x, y + height))
+        return (
+            self.ground((x, y + height), (x, y))
+            if side == "left"
+            else self.ground((x, y), (x, y + height))
+        )
 
-    def block(self, center: Point, width: float, height: float, label: str = "", fill: str = FILL, angle: float = 0.0) -> Box:
+    def block(
+        self,
+        center: Point,
+        width: float,
+        height: float,
+        label: str = "",
+        fill: str = FILL,
+        angle: float = 0.0,
+    ) -> Box:
         """s.block((2.5, 1.1), 1.4, 1.0, "$m$"): a body, or a block of a diagram, round its centre; turned by `angle`."""
         _points(center)
         x, y = center
-        self.axes.add_patch(Rectangle((x - width / 2, y - height / 2), width, height, angle=angle, rotation_point="center", facecolor=fill, edgecolor=INK,
-                                      linewidth=1.5, zorder=4))
+        self.axes.add_patch(
+            Rectangle(
+                (x - width / 2, y - height / 2),
+                width,
+                height,
+                angle=angle,
+                rotation_point="center",
+                facecolor=fill,
+                edgecolor=INK,
+                linewidth=1.5,
+                zorder=4,
+            )
+        )
         if label:
             self.text(center, label, size=13, angle=angle, halo=False)
         return Box(center, width, height)
@@ -175,24 +277,52 @@ class Sketch(View):
     def ball(self, center: Point, radius: float = 0.2, label: str = "", fill: str = FILL) -> Box:
         """s.ball((3, 2), 0.2, "$m$"): a round body."""
         _points(center)
-        self.axes.add_patch(Circle(center, radius, facecolor=fill, edgecolor=INK, linewidth=1.5, zorder=4))
+        self.axes.add_patch(
+            Circle(center, radius, facecolor=fill, edgecolor=INK, linewidth=1.5, zorder=4)
+        )
         if label:
             self.text(center, label, halo=False)
         return Box(center, 2 * radius, 2 * radius)
 
-    def spring(self, start: Point, end: Point, label: str = "", coils: int = 6, width: float = 0.3, side: str = "above") -> Span:
+    def spring(
+        self,
+        start: Point,
+        end: Point,
+        label: str = "",
+        coils: int = 6,
+        width: float = 0.3,
+        side: str = "above",
+    ) -> Span:
         """s.spring(m.right, (6, 1), "$k$"): a zigzag with straight ends; the label stands "above" (or right of an upright one) or "below" it."""
         along, across = _direction(start, end)
         length = hypot(end[0] - start[0], end[1] - start[1])
         lead = min(0.18 * length, 0.3)
-        turns = np.concatenate([[0, lead], lead + (np.arange(2 * coils) + 0.5) / (2 * coils) * (length - 2 * lead), [length - lead, length]])
-        swing = np.concatenate([[0, 0], np.where(np.arange(2 * coils) % 2, -0.5, 0.5) * width, [0, 0]])
-        self.axes.add_line(Line2D(start[0] + turns * along[0] + swing * across[0], start[1] + turns * along[1] + swing * across[1], color=INK, linewidth=1.4,
-                                  solid_joinstyle="round", zorder=3))
+        turns = np.concatenate(
+            [
+                [0, lead],
+                lead + (np.arange(2 * coils) + 0.5) / (2 * coils) * (length - 2 * lead),
+                [length - lead, length],
+            ]
+        )
+        swing = np.concatenate(
+            [[0, 0], np.where(np.arange(2 * coils) % 2, -0.5, 0.5) * width, [0, 0]]
+        )
+        self.axes.add_line(
+            Line2D(
+                start[0] + turns * along[0] + swing * across[0],
+                start[1] + turns * along[1] + swing * across[1],
+                color=INK,
+                linewidth=1.4,
+                solid_joinstyle="round",
+                zorder=3,
+            )
+        )
         self._label_along(start, end, label, side, width / 2 + 0.2, INK)
         return Span(start, end)
 
-    def damper(self, start: Point, end: Point, label: str = "", width: float = 0.36, side: str = "above") -> Span:
+    def damper(
+        self, start: Point, end: Point, label: str = "", width: float = 0.36, side: str = "above"
+    ) -> Span:
         """s.damper((1, 1), m.left, "$c$"): a dashpot, its cup towards the start; `side` as for a spring."""
         (ax, ay), (nx, ny) = _direction(start, end)
         length = hypot(end[0] - start[0], end[1] - start[1])
@@ -213,27 +343,61 @@ class Sketch(View):
     def rod(self, start: Point, end: Point, label: str = "", width: float = 3.0) -> Span:
         """s.rod((2, 3), (3, 1), "$l$"): a stiff rod with a pin at its start."""
         self.line(start, end, width=width)
-        self.axes.add_patch(Circle(start, 0.06, facecolor="white", edgecolor=INK, linewidth=1.3, zorder=5))
+        self.axes.add_patch(
+            Circle(start, 0.06, facecolor="white", edgecolor=INK, linewidth=1.3, zorder=5)
+        )
         self._label_along(start, end, label, "above", 0.22, INK)
         return Span(start, end)
 
-    def pendulum(self, pivot: Point, length: float, angle: float, label: str = "", rod: str = "$l$", bob: str = "", radius: float = 0.18) -> Box:
+    def pendulum(
+        self,
+        pivot: Point,
+        length: float,
+        angle: float,
+        label: str = "",
+        rod: str = "$l$",
+        bob: str = "",
+        radius: float = 0.18,
+    ) -> Box:
         """s.pendulum((3, 2.6), 1.8, 30, "$\\\\varphi$", bob="$m$"): pivot, rod, bob, vertical and the angle from it (degrees). Returns the bob's Box."""
         x, y = pivot
         end = (x + length * sin(radians(angle)), y - length * cos(radians(angle)))
         way = -1.0 if abs(angle) > 90 else 1.0  # an inverted pendulum's angle is drawn from above
         self.line((x, y), (x, y - way * (length + 0.1)), color=FAINT, width=0.9, dashed=True)
-        low, high = sorted((-90.0 * way, angle - 90.0 if way > 0 or angle > 0 else angle + 270.0))  # of the arc, from the horizontal
+        low, high = sorted(
+            (-90.0 * way, angle - 90.0 if way > 0 or angle > 0 else angle + 270.0)
+        )  # of the arc, from the horizontal
         reach = 0.45 * length
-        self.axes.add_patch(Arc(pivot, 2 * reach, 2 * reach, theta1=low, theta2=high, color=COLORS[1], linewidth=1.3, zorder=3))
+        self.axes.add_patch(
+            Arc(
+                pivot,
+                2 * reach,
+                2 * reach,
+                theta1=low,
+                theta2=high,
+                color=COLORS[1],
+                linewidth=1.3,
+                zorder=3,
+            )
+        )
         if label:
             middle = radians((low + high) / 2)
-            self.text((x + (reach + 0.2) * cos(middle), y + (reach + 0.2) * sin(middle)), label, color=COLORS[1])
+            self.text(
+                (x + (reach + 0.2) * cos(middle), y + (reach + 0.2) * sin(middle)),
+                label,
+                color=COLORS[1],
+            )
         self.rod(pivot, end)
         if rod:
             nx, ny = cos(radians(angle)), sin(radians(angle))
             out = way if angle >= 0 else -way  # on the side away from the angle
-            self.text((x + 0.72 * (end[0] - x) + 0.2 * out * nx, y + 0.72 * (end[1] - y) + 0.2 * out * ny), rod)
+            self.text(
+                (
+                    x + 0.72 * (end[0] - x) + 0.2 * out * nx,
+                    y + 0.72 * (end[1] - y) + 0.2 * out * ny,
+                ),
+                rod,
+            )
         return self.ball(end, radius, bob)
 
     # -- block diagrams -------------------------------------------------------------------------------------------------
@@ -244,9 +408,15 @@ class Sketch(View):
 
     def sum(self, center: Point, signs: str = "+ −", radius: float = 0.16) -> Box:
         """s.sum((2, 1), "+ −"): a summing point; the signs stand at its left and lower input (a third one above)."""
-        self.axes.add_patch(Circle(center, radius, facecolor="white", edgecolor=INK, linewidth=1.4, zorder=4))
+        self.axes.add_patch(
+            Circle(center, radius, facecolor="white", edgecolor=INK, linewidth=1.4, zorder=4)
+        )
         x, y = center
-        for sign, (dx, dy) in zip(signs.split(), ((-radius - 0.13, 0.14), (0.15, -radius - 0.14), (0.15, radius + 0.14)), strict=False):
+        for sign, (dx, dy) in zip(
+            signs.split(),
+            ((-radius - 0.13, 0.14), (0.15, -radius - 0.14), (0.15, radius + 0.14)),
+            strict=False,
+        ):
             self.text((x + dx, y + dy), sign.replace("-", "−"), size=11)
         return Box(center, 2 * radius, 2 * radius)
 
@@ -268,24 +438,46 @@ class Sketch(View):
         if dot:
             self.axes.add_patch(Circle(points[0], 0.045, color=INK, zorder=5))
         if label:
-            a, b = max(zip(path[:-1], path[1:], strict=True), key=lambda ab: abs(ab[1][0] - ab[0][0]))
+            a, b = max(
+                zip(path[:-1], path[1:], strict=True), key=lambda ab: abs(ab[1][0] - ab[0][0])
+            )
             self.text(((a[0] + b[0]) / 2, a[1] + 0.17), label)
         return Span(points[0], points[-1])
 
-    def characteristic(self, center: Point, kind: str | Sequence[Point] = "relay", width: float = 1.0, height: float = 0.8, label: str = "") -> Box:
+    def characteristic(
+        self,
+        center: Point,
+        kind: str | Sequence[Point] = "relay",
+        width: float = 1.0,
+        height: float = 0.8,
+        label: str = "",
+    ) -> Box:
         """s.characteristic((3, 1), "hysteresis"): a block with a little characteristic drawn inside; the label stands above it.
 
         kind: one of CHARACTERISTICS, or points in the square −1 … 1. Raises ModelError for an unknown kind.
         """
         if isinstance(kind, str) and kind not in CHARACTERISTICS:
-            raise ModelError(f"there is no little characteristic {kind!r}; there are {', '.join(CHARACTERISTICS)}, or give points")
+            raise ModelError(
+                f"there is no little characteristic {kind!r}; there are {', '.join(CHARACTERISTICS)}, or give points"
+            )
         shape = np.array(CHARACTERISTICS[kind] if isinstance(kind, str) else kind, dtype=float)
         box = self.block(center, width, height, fill="white")
         x, y = center
         a, b = 0.42 * width, 0.42 * height
         for ends in (((x - a, y), (x + a, y)), ((x, y - b), (x, y + b))):
-            self.axes.add_line(Line2D(*zip(*ends, strict=True), color=FAINT, linewidth=0.7, zorder=5))  # type: ignore[arg-type]
-        self.axes.add_line(Line2D(x + 0.9 * a * shape[:, 0], y + b * shape[:, 1], color=COLORS[0], linewidth=1.8, zorder=6, solid_joinstyle="miter"))
+            self.axes.add_line(
+                Line2D(*zip(*ends, strict=True), color=FAINT, linewidth=0.7, zorder=5)
+            )  # type: ignore[arg-type]
+        self.axes.add_line(
+            Line2D(
+                x + 0.9 * a * shape[:, 0],
+                y + b * shape[:, 1],
+                color=COLORS[0],
+                linewidth=1.8,
+                zorder=6,
+                solid_joinstyle="miter",
+            )
+        )
         if label:
             self.text((x, box.top[1] + 0.18), label)
         return box
@@ -300,9 +492,18 @@ class Sketch(View):
         lift = 0.0 if closed else 0.45 * gap
         self.line(start, left)
         self.line(right, end)
-        self.line(left, (right[0] - 0.1 * gap * ax * (not closed) + lift * nx, right[1] - 0.1 * gap * ay * (not closed) + lift * ny), width=1.8)
+        self.line(
+            left,
+            (
+                right[0] - 0.1 * gap * ax * (not closed) + lift * nx,
+                right[1] - 0.1 * gap * ay * (not closed) + lift * ny,
+            ),
+            width=1.8,
+        )
         for point in (left, right):
-            self.axes.add_patch(Circle(point, 0.05, facecolor="white", edgecolor=INK, linewidth=1.2, zorder=5))
+            self.axes.add_patch(
+                Circle(point, 0.05, facecolor="white", edgecolor=INK, linewidth=1.2, zorder=5)
+            )
         self._label_along(start, end, label, "above", lift + 0.2, INK)
         return Span(start, end)
 
@@ -310,27 +511,57 @@ class Sketch(View):
 
     def _arrow(self, ends: Sequence[Point], color: str, width: float, head: float = 14) -> None:
         _points(*ends)
-        self.axes.add_patch(FancyArrowPatch(*ends, arrowstyle="-|>,head_width=0.28,head_length=0.6", mutation_scale=head, color=color, linewidth=width,
-                                            shrinkA=0, shrinkB=0, zorder=5, joinstyle="miter", capstyle="butt"))
+        self.axes.add_patch(
+            FancyArrowPatch(
+                *ends,
+                arrowstyle="-|>,head_width=0.28,head_length=0.6",
+                mutation_scale=head,
+                color=color,
+                linewidth=width,
+                shrinkA=0,
+                shrinkB=0,
+                zorder=5,
+                joinstyle="miter",
+                capstyle="butt",
+            )
+        )
 
-    def _label_along(self, start: Point, end: Point, label: str, side: str, away: float, color: str) -> None:
+    def _label_along(
+        self, start: Point, end: Point, label: str, side: str, away: float, color: str
+    ) -> None:
         if not label:
             return
         (ax, ay), (nx, ny) = _direction(start, end)
         if side == "end":
             x, y = end[0] + 0.1 * ax, end[1] + 0.1 * ay
             upright = abs(ay) > abs(ax)
-            self.text((x, y + (0.08 if ay > 0 else -0.08) * upright), label, color=color, align="center" if upright else "left" if ax > 0 else "right")
+            self.text(
+                (x, y + (0.08 if ay > 0 else -0.08) * upright),
+                label,
+                color=color,
+                align="center" if upright else "left" if ax > 0 else "right",
+            )
             return
         if ny < 0 or (ny == 0 and nx < 0):  # "above" is above, or to the right of an upright piece
             nx, ny = -nx, -ny
         sign = -1 if side == "below" else 1
-        self.text(((start[0] + end[0]) / 2 + sign * away * nx, (start[1] + end[1]) / 2 + sign * away * ny), label, color=color)
+        self.text(
+            (
+                (start[0] + end[0]) / 2 + sign * away * nx,
+                (start[1] + end[1]) / 2 + sign * away * ny,
+            ),
+            label,
+            color=color,
+        )
 
 
 def _points(*points: Point) -> None:
     for point in points:
-        if not (isinstance(point, Sequence | np.ndarray) and len(point) == 2 and np.all(np.isfinite(np.asarray(point, dtype=float)))):
+        if not (
+            isinstance(point, Sequence | np.ndarray)
+            and len(point) == 2
+            and np.all(np.isfinite(np.asarray(point, dtype=float)))
+        ):
             raise ModelError(f"a point of a sketch is a pair (x, y) of numbers, not {point!r}")
 
 
@@ -354,7 +585,13 @@ class Motion(View):
     The sketch is `width` × `height`, in coordinates of its own, y upwards; it has the methods of a Sketch. Labels cost time: one or two.
     """
 
-    def __init__(self, axes: Axes, draw: Callable[[Sketch, Any], object], width: float = 6.0, height: float = 3.0):
+    def __init__(
+        self,
+        axes: Axes,
+        draw: Callable[[Sketch, Any], object],
+        width: float = 6.0,
+        height: float = 3.0,
+    ):
         self.axes, self.figure, self.draw = axes, axes.get_figure(), draw
         axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
         axes.axis("off")

@@ -56,7 +56,9 @@ class View:
     def _repr_png_(self) -> bytes:
         return self.figure.png()
 
-    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(
+        self, include: object = None, exclude: object = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         return self.figure._repr_mimebundle_()
 
 
@@ -93,7 +95,15 @@ class Window:
     A user's own zoom is left alone, and all in a figure that is `steady`.
     """
 
-    def __init__(self, axes: Axes, which: str, low: float, high: float, margin: float = 0.07, room: float = 0.2):
+    def __init__(
+        self,
+        axes: Axes,
+        which: str,
+        low: float,
+        high: float,
+        margin: float = 0.07,
+        room: float = 0.2,
+    ):
         self.axes, self.which, self.room = axes, which, room
         low, high = _proper(low, high)
         self.first = (low - margin * (high - low), high + margin * (high - low))
@@ -108,14 +118,23 @@ class Window:
 
     def fit(self, low: float, high: float) -> bool:
         """window.fit(low, high) -> True when the limits had to move. Values that are not finite are ignored."""
-        if not (np.isfinite(low) and np.isfinite(high)) or self._shown() != self.now or getattr(self.axes.get_figure(), "steady", False):
+        if (
+            not (np.isfinite(low) and np.isfinite(high))
+            or self._shown() != self.now
+            or getattr(self.axes.get_figure(), "steady", False)
+        ):
             return False
         room = self.room * max(high - low, self.first[1] - self.first[0])
-        wanted = (min(low - room, self.first[0]) if low < self.first[0] else self.first[0],
-                  max(high + room, self.first[1]) if high > self.first[1] else self.first[1])
+        wanted = (
+            min(low - room, self.first[0]) if low < self.first[0] else self.first[0],
+            max(high + room, self.first[1]) if high > self.first[1] else self.first[1],
+        )
         slack = 1e-9 * (self.now[1] - self.now[0])
         outside = low < self.now[0] - slack or high > self.now[1] + slack
-        if outside or self.now[1] - self.now[0] > (2 if self.room else 1) * (wanted[1] - wanted[0]) + slack:
+        if (
+            outside
+            or self.now[1] - self.now[0] > (2 if self.room else 1) * (wanted[1] - wanted[0]) + slack
+        ):
             self._set(*wanted)
             return True
         return False

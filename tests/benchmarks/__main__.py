@@ -14,7 +14,13 @@ from time import perf_counter
 from .measure import TOLERANCES, race, sweep
 from .problems import PROBLEMS
 
-TOOLS = {"labkit": "with_labkit", "SciPy": "with_scipy", "CyRK": "with_cyrk", "PathSim": "with_pathsim", "heyoka": "with_heyoka"}
+TOOLS = {
+    "labkit": "with_labkit",
+    "SciPy": "with_scipy",
+    "CyRK": "with_cyrk",
+    "PathSim": "with_pathsim",
+    "heyoka": "with_heyoka",
+}
 
 
 def load_tools() -> tuple[list, list[str]]:
@@ -35,9 +41,20 @@ def say(text: str = "") -> None:
 def main() -> int:
     if sys.argv[1:2] == ["latency"]:
         return importlib.import_module(".latency", __package__).main()
-    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__.splitlines()[0])
-    parser.add_argument("problems", nargs="*", choices=[[], *PROBLEMS], help=f"some of {', '.join(PROBLEMS)} (default: all)")
-    parser.add_argument("--quick", action="store_true", help="few tolerances, few rounds, small ensembles: to try it; writes no files")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.benchmarks", description=__doc__.splitlines()[0]
+    )
+    parser.add_argument(
+        "problems",
+        nargs="*",
+        choices=[[], *PROBLEMS],
+        help=f"some of {', '.join(PROBLEMS)} (default: all)",
+    )
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="few tolerances, few rounds, small ensembles: to try it; writes no files",
+    )
     options = parser.parse_args()
     names = options.problems or list(PROBLEMS)
     modules, missing = load_tools()
@@ -52,12 +69,26 @@ def main() -> int:
     trials = {}
     for name in names:
         say(f"{PROBLEMS[name].title} …")
-        trials[name] = sweep(PROBLEMS[name], [c for module in modules for c in module.contestants(PROBLEMS[name])], tolerances, say)
+        trials[name] = sweep(
+            PROBLEMS[name],
+            [c for module in modules for c in module.contestants(PROBLEMS[name])],
+            tolerances,
+            say,
+        )
     say("the fastest of them, in turn …")
-    tables = {name: (rows, trials[name]) for name, rows in race(trials, rounds=4 if options.quick else 30).items()}
+    tables = {
+        name: (rows, trials[name])
+        for name, rows in race(trials, rounds=4 if options.quick else 30).items()
+    }
     for name in names:
         say(report.problem_table(PROBLEMS[name], *tables[name]))
-    results = report.Results(tables, scale(options.quick, say), start_up(options.quick, say), missing, perf_counter() - began)
+    results = report.Results(
+        tables,
+        scale(options.quick, say),
+        start_up(options.quick, say),
+        missing,
+        perf_counter() - began,
+    )
     say(results.text())
     if not options.quick and len(names) == len(PROBLEMS):
         report.write(results)

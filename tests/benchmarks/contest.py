@@ -15,7 +15,6 @@ import numpy as np
 
 from .problems import Problem
 
-
 #: A loop that has met so many events gives up: at a loose tolerance a ball may lose so much that its bounces pile up.
 ENOUGH = 2000
 
@@ -44,7 +43,9 @@ def judge(problem: Problem, answer: Answer) -> tuple[float, int, int]:
     instants, state = problem.reference()
     error = max(abs(float(a) - b) for a, b in zip(answer.state, state, strict=True))
     near = 0.25 * float(np.median(np.diff(instants))) if len(instants) > 1 else 0.0
-    left = sorted(float(t) for t in answer.instants if t < problem.t_end * (1 - 1e-9))  # a clock may tick at the very end
+    left = sorted(
+        float(t) for t in answer.instants if t < problem.t_end * (1 - 1e-9)
+    )  # a clock may tick at the very end
     missed = 0
     for t in instants:
         place = next((k for k, other in enumerate(left) if abs(other - t) < near), None)

@@ -174,11 +174,25 @@ class Mouse:
         self.socket = create_connection(page["webSocketDebuggerUrl"], suppress_origin=True)
 
     def __call__(self, kind: str, x: float, y: float) -> None:
-        held = {"button": "left", "buttons": 1, "clickCount": 1} if kind != "mouseMoved" else {"button": "left", "buttons": 1}
-        self.socket.send(json.dumps({"id": 1, "method": "Input.dispatchMouseEvent", "params": {"type": kind, "x": x, "y": y, **held}}))
+        held = (
+            {"button": "left", "buttons": 1, "clickCount": 1}
+            if kind != "mouseMoved"
+            else {"button": "left", "buttons": 1}
+        )
+        self.socket.send(
+            json.dumps(
+                {
+                    "id": 1,
+                    "method": "Input.dispatchMouseEvent",
+                    "params": {"type": kind, "x": x, "y": y, **held},
+                }
+            )
+        )
 
 
-def measure(page, lab, name: str, port: int, seconds: float = 5.0, presses: int = 40) -> dict[str, float]:
+def measure(
+    page, lab, name: str, port: int, seconds: float = 5.0, presses: int = 40
+) -> dict[str, float]:
     """measure(page, lab, "labkit", port) -> the figures of one technique, times in ms; `port` is the browser's for debugging."""
     lab.write("latency", [SETUP, CELLS[name]])
     open_notebook(page, lab, "latency")
@@ -205,7 +219,11 @@ def measure(page, lab, name: str, port: int, seconds: float = 5.0, presses: int 
     released = time.time()
     time.sleep(2.5)
     dragged = read(page, lab, begun)
-    (page.locator(".labkit-range").last if name in ("floor", "labkit") else page.locator(".noUi-handle").last).focus()
+    (
+        page.locator(".labkit-range").last
+        if name in ("floor", "labkit")
+        else page.locator(".noUi-handle").last
+    ).focus()
     page.keyboard.press("ArrowRight")  # Lab's first key takes half a second, whatever it does
     time.sleep(2)
     pressed = time.time()
@@ -215,11 +233,22 @@ def measure(page, lab, name: str, port: int, seconds: float = 5.0, presses: int 
     keys = read(page, lab, pressed)
     moving = [picture for _, picture, _ in dragged if picture <= released]
     hands = {hand: touched(page, hand) for hand in ("zoom", "click") if name == "labkit"}
-    return {hand: quantile(found, 0.5) for hand, found in hands.items()} | {f"{hand} 95": quantile(found, 0.95) for hand, found in hands.items()} | {
-        "key": quantile(keys, 0.5), "key 95": quantile(keys, 0.95), "drag": quantile(dragged, 0.5), "drag 95": quantile(dragged, 0.95),
-        "pictures/s": len(moving) / seconds, "lag": 1000 * max(0.0, max((picture for _, picture, _ in dragged), default=released) - released),
-        "kernel": 1000 * statistics.median(work for *_, work in dragged) if dragged else float("nan"),
-    }
+    return (
+        {hand: quantile(found, 0.5) for hand, found in hands.items()}
+        | {f"{hand} 95": quantile(found, 0.95) for hand, found in hands.items()}
+        | {
+            "key": quantile(keys, 0.5),
+            "key 95": quantile(keys, 0.95),
+            "drag": quantile(dragged, 0.5),
+            "drag 95": quantile(dragged, 0.95),
+            "pictures/s": len(moving) / seconds,
+            "lag": 1000
+            * max(0.0, max((picture for _, picture, _ in dragged), default=released) - released),
+            "kernel": 1000 * statistics.median(work for *_, work in dragged)
+            if dragged
+            else float("nan"),
+        }
+    )
 
 
 def touched(page, hand: str, times: int = 20) -> list[tuple[float, float, float]]:
@@ -238,7 +267,11 @@ def touched(page, hand: str, times: int = 20) -> list[tuple[float, float, float]
             page.mouse.click(x + 10 * k, y)
         time.sleep(1)
     events, changes = page.evaluate("[hands, changes]")
-    return [(event, picture, 0.0) for event in events if (picture := next((change for change in sorted(changes) if change > event), None))]
+    return [
+        (event, picture, 0.0)
+        for event in events
+        if (picture := next((change for change in sorted(changes) if change > event), None))
+    ]
 
 
 def read(page, lab, since: float) -> list[tuple[float, float, float]]:
@@ -251,9 +284,18 @@ def read(page, lab, since: float) -> list[tuple[float, float, float]]:
     works = [work for work in works if work[1] >= since]
     works = [work for k, work in enumerate(works) if not k or work[0] != works[k - 1][0]]
     found = []
-    for (value, begin, end, used), (*_, overtaken, _) in zip(works, [*works[1:], (0.0, 0.0, float("inf"), 0.0)], strict=True):
+    for (value, begin, end, used), (*_, overtaken, _) in zip(
+        works, [*works[1:], (0.0, 0.0, float("inf"), 0.0)], strict=True
+    ):
         picture = next((change for change in sorted(changes) if change >= end), None)
-        event = max((when for when, shown in moves if since - 0.1 <= when <= begin and abs(shown - value) <= 0.00101), default=None)
+        event = max(
+            (
+                when
+                for when, shown in moves
+                if since - 0.1 <= when <= begin and abs(shown - value) <= 0.00101
+            ),
+            default=None,
+        )
         if picture is not None and picture < overtaken and event is not None:
             found.append((event, picture, used))
     return found
@@ -266,15 +308,24 @@ def quantile(pictures: list[tuple[float, float, float]], share: float) -> float:
 
 def main(names: list[str] | None = None) -> int:
     names = names or [word for word in sys.argv[1:] if word in CELLS] or list(CELLS)
-    missing = [name for name in names if name in NEEDS and importlib.util.find_spec(NEEDS[name]) is None]
+    missing = [
+        name for name in names if name in NEEDS and importlib.util.find_spec(NEEDS[name]) is None
+    ]
     for name in missing:
         print(f"left out: {name} (pip install {NEEDS[name]})")
-    print(f"{os.cpu_count()} processors; load before it began: {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else f"{os.cpu_count()} processors")
+    print(
+        f"{os.cpu_count()} processors; load before it began: {os.getloadavg()[0]:.1f}"
+        if hasattr(os, "getloadavg")
+        else f"{os.cpu_count()} processors"
+    )
     rows = {}
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with tempfile.TemporaryDirectory() as folder, open_browser(f"--remote-debugging-port={port}") as browser:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        open_browser(f"--remote-debugging-port={port}") as browser,
+    ):
         (Path(folder) / "notebooks").mkdir()
         with running_lab(Path(folder)) as lab:
             for name in (name for name in names if name not in missing):
@@ -285,16 +336,27 @@ def main(names: list[str] | None = None) -> int:
                 lab.end_kernels()
                 print_row(name, rows[name], head=len(rows) == 1)
     if "labkit" in rows:
-        print("labkit after a turn of the wheel: {zoom:.0f} / {zoom 95:.0f} ms; after a click that starts a trajectory: {click:.0f} / {click 95:.0f} ms".format(**rows["labkit"]))
+        print(
+            "labkit after a turn of the wheel: {zoom:.0f} / {zoom 95:.0f} ms; after a click that starts a trajectory: {click:.0f} / {click 95:.0f} ms".format(
+                **rows["labkit"]
+            )
+        )
     if "labkit" in rows and rows.get("@interact", {}).get("pictures/s"):
-        print(f"labkit shows {rows['labkit']['pictures/s'] / rows['@interact']['pictures/s']:.1f} times as many pictures a second as @interact")
+        print(
+            f"labkit shows {rows['labkit']['pictures/s'] / rows['@interact']['pictures/s']:.1f} times as many pictures a second as @interact"
+        )
     return 0
 
 
 def print_row(name: str, row: dict[str, float], head: bool) -> None:
     if head:
-        print(f"{'ms':12}{'key press':>16}{'dragging':>16}{'pictures/s':>12}{'lag':>8}{'kernel':>8}")
-    print(f"{name:12}{row['key']:9.0f} /{row['key 95']:5.0f}{row['drag']:9.0f} /{row['drag 95']:5.0f}{row['pictures/s']:12.1f}{row['lag']:8.0f}{row['kernel']:8.1f}", flush=True)
+        print(
+            f"{'ms':12}{'key press':>16}{'dragging':>16}{'pictures/s':>12}{'lag':>8}{'kernel':>8}"
+        )
+    print(
+        f"{name:12}{row['key']:9.0f} /{row['key 95']:5.0f}{row['drag']:9.0f} /{row['drag 95']:5.0f}{row['pictures/s']:12.1f}{row['lag']:8.0f}{row['kernel']:8.1f}",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Time at equal accuracy: every tool and method over a range of tolerances, then the fastest of each tool side by side.
 
-    trials = sweep(problem, contestants)             # error, events missed and invented, rough time of each setting
-    rows = race({name: trials, …})                   # best time of each tool for each goal, measured in turn
+trials = sweep(problem, contestants)             # error, events missed and invented, rough time of each setting
+rows = race({name: trials, …})                   # best time of each tool for each goal, measured in turn
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ GOALS = (1e-5, 1e-9)
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 #: The thread's own processor time where it is fine enough: what else the computer does then does not count against a slow tool.
 CLOCK = thread_time if get_clock_info("thread_time").resolution < 1e-6 else perf_counter
-PATIENCE = 1.0  # s, after a run that takes longer the tolerances of a method are not tightened further
+PATIENCE = (
+    1.0  # s, after a run that takes longer the tolerances of a method are not tightened further
+)
 
 
 @dataclass
@@ -59,7 +61,12 @@ def timed(run: Callable[[], object], least: float = 2e-3, most: int = 1000) -> f
     return (CLOCK() - began) / count
 
 
-def sweep(problem: Problem, contestants: Sequence[Contestant], tolerances: Sequence[float] = TOLERANCES, log: Callable = print) -> list[Trial]:
+def sweep(
+    problem: Problem,
+    contestants: Sequence[Contestant],
+    tolerances: Sequence[float] = TOLERANCES,
+    log: Callable = print,
+) -> list[Trial]:
     """sweep(problem, contestants) -> one Trial a setting, tolerances falling until both goals are kept twice or patience ends."""
     trials = []
     for contestant in contestants:
@@ -69,13 +76,24 @@ def sweep(problem: Problem, contestants: Sequence[Contestant], tolerances: Seque
             try:
                 run = contestant.make(tolerance)
                 answer = run()
-            except Exception as error:  # a tool that gives up at a tolerance is no reason to end the benchmark
-                log(f"    {contestant.tool}, {contestant.method}, {tolerance:.0e}: {type(error).__name__}: {error}")
+            except (
+                Exception
+            ) as error:  # a tool that gives up at a tolerance is no reason to end the benchmark
+                log(
+                    f"    {contestant.tool}, {contestant.method}, {tolerance:.0e}: {type(error).__name__}: {error}"
+                )
                 continue
             first = perf_counter() - began
             seconds = min(timed(run) for _ in range(1 if first > 0.2 else 3))
-            trials.append(Trial(contestant, tolerance, run, *judge(problem, answer), seconds, first))
-            good = good + 1 if trials[-1].error <= 0.1 * min(GOALS) and not trials[-1].missed + trials[-1].invented else 0
+            trials.append(
+                Trial(contestant, tolerance, run, *judge(problem, answer), seconds, first)
+            )
+            good = (
+                good + 1
+                if trials[-1].error <= 0.1 * min(GOALS)
+                and not trials[-1].missed + trials[-1].invented
+                else 0
+            )
             if good == 2 or seconds > PATIENCE:
                 break
     for _ in range(3):  # once more, in turn: these times choose who races
@@ -89,13 +107,17 @@ def settled(trials: Sequence[Trial], goal: float) -> list[Trial]:
     """The trials that keep a goal with every event found, and whose method also keeps it at each tighter tolerance that was tried: no luck."""
     kept = []
     for trial in trials:
-        tighter = [t for t in trials if t.contestant is trial.contestant and t.tolerance <= trial.tolerance]
+        tighter = [
+            t for t in trials if t.contestant is trial.contestant and t.tolerance <= trial.tolerance
+        ]
         if all(t.error <= goal and t.missed == t.invented == 0 for t in tighter):
             kept.append(trial)
     return kept
 
 
-def race(fields: Mapping[str, Sequence[Trial]], rounds: int = 30, finalists: int = 3, budget: float = 4.0) -> dict[str, list[Row]]:
+def race(
+    fields: Mapping[str, Sequence[Trial]], rounds: int = 30, finalists: int = 3, budget: float = 4.0
+) -> dict[str, list[Row]]:
     """race({problem: trials}) -> {problem: one Row a tool and goal}: the fastest settings of each tool, timed in turn, best of the rounds.
 
     In turn, and all problems in each round, so that a computer that is busy for a minute is so for everybody; slow settings get fewer rounds
@@ -106,10 +128,15 @@ def race(fields: Mapping[str, Sequence[Trial]], rounds: int = 30, finalists: int
         for tool in dict.fromkeys(t.contestant.tool for t in trials):
             own = [t for t in trials if t.contestant.tool == tool]
             for goal in GOALS:
-                chosen[problem, tool, goal] = sorted(settled(own, goal), key=lambda t: t.seconds)[:finalists]
+                chosen[problem, tool, goal] = sorted(settled(own, goal), key=lambda t: t.seconds)[
+                    :finalists
+                ]
     field = {id(t): t for group in chosen.values() for t in group}
     best = dict.fromkeys(field, float("inf"))
-    pauses = {key: max(1, rounds // max(8, int(budget / max(trial.seconds, 1e-3)))) for key, trial in field.items()}
+    pauses = {
+        key: max(1, rounds // max(8, int(budget / max(trial.seconds, 1e-3))))
+        for key, trial in field.items()
+    }
     for number in range(rounds):
         for key, trial in field.items():
             if number % pauses[key] == 0:

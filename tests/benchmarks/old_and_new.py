@@ -15,7 +15,10 @@ from pathlib import Path
 from statistics import median
 
 RTOL = 1e-8
-SETTINGS = ({"rtol": RTOL, "atol": 1e-10}, {"rtol": RTOL})  # the same for both, and each by its own default
+SETTINGS = (
+    {"rtol": RTOL, "atol": 1e-10},
+    {"rtol": RTOL},
+)  # the same for both, and each by its own default
 BACKENDS = ("compiled", "plain")
 COUNTS = ("steps", "rejected", "evaluations", "guard_evaluations", "events")
 
@@ -31,7 +34,9 @@ def answer() -> None:
 
     def call(name: str, options: dict) -> object:
         if name == "lanes":
-            return simulate_many(PROBLEMS["ball"].system, 12.0, start={"y": heights}, workers=1, **options)
+            return simulate_many(
+                PROBLEMS["ball"].system, 12.0, start={"y": heights}, workers=1, **options
+            )
         return simulate(PROBLEMS[name].system, PROBLEMS[name].t_end, **options)
 
     heights = np.linspace(5.0, 15.0, 1000)
@@ -51,11 +56,20 @@ def answer() -> None:
 
 class Checkout:
     def __init__(self, path: Path, cache: str | None):
-        program = f"import sys; sys.path.insert(0, {str(path)!r}); import importlib.util as u; import tests.benchmarks; " \
-            f"spec = u.spec_from_file_location('tests.benchmarks.old_and_new', {__file__!r}); " \
+        program = (
+            f"import sys; sys.path.insert(0, {str(path)!r}); import importlib.util as u; import tests.benchmarks; "
+            f"spec = u.spec_from_file_location('tests.benchmarks.old_and_new', {__file__!r}); "
             "module = u.module_from_spec(spec); spec.loader.exec_module(module); module.answer()"
+        )
         environment = {**os.environ, **({"LABKIT_CACHE": cache} if cache else {})}
-        self.process = subprocess.Popen([sys.executable, "-c", program], cwd=path, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", program],
+            cwd=path,
+            env=environment,
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
 
     def ask(self, *question: object) -> list:
         self.process.stdin.write(json.dumps(question) + "\n")
@@ -68,15 +82,24 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", type=Path, help="the other checkout, the old one")
-    parser.add_argument("problems", nargs="*", help=f"some of {', '.join(PROBLEMS)}, lanes (1,000 balls at once); default: all")
+    parser.add_argument(
+        "problems",
+        nargs="*",
+        help=f"some of {', '.join(PROBLEMS)}, lanes (1,000 balls at once); default: all",
+    )
     parser.add_argument("--rounds", type=int, default=40)
     parser.add_argument("--backend", choices=BACKENDS, help="default: both")
     parser.add_argument("--old-cache", help="where the old one keeps compiled code, if elsewhere")
     given = parser.parse_args()
-    both = Checkout(given.path.resolve(), given.old_cache), Checkout(Path(__file__).resolve().parents[2], None)
+    both = (
+        Checkout(given.path.resolve(), given.old_cache),
+        Checkout(Path(__file__).resolve().parents[2], None),
+    )
     cases = []
     for name in given.problems or [*PROBLEMS, "lanes"]:
-        for backend in ([given.backend] if given.backend else BACKENDS) if name != "lanes" else ["compiled"]:
+        for backend in (
+            ([given.backend] if given.backend else BACKENDS) if name != "lanes" else ["compiled"]
+        ):
             for options in SETTINGS:
                 options = {**options, "backend": backend}
                 counts = [side.ask(name, options, None) for side in both]
@@ -88,13 +111,16 @@ def main() -> None:
             if calls > 1 or len(times[0]) < 12:
                 for side, found in zip(both, times, strict=True):
                     found.append(side.ask(name, options, calls))
-    print(f"{'problem':10} {'back end':9} {'atol':7} {'old µs':>9} {'new µs':>9}  least  median   {', '.join(COUNTS)}: old | new")
+    print(
+        f"{'problem':10} {'back end':9} {'atol':7} {'old µs':>9} {'new µs':>9}  least  median   {', '.join(COUNTS)}: old | new"
+    )
     for name, options, _, counts, times in cases:
         old, new = ([t for call in found for t in call] for found in times)
         middles = [median(a) / median(b) for a, b in zip(times[1], times[0], strict=True)]
         print(
             f"{name:10} {options['backend']:9} {options.get('atol', 'default'):<7} {1e6 * min(old):9.1f} {1e6 * min(new):9.1f}  "
-            f"{min(new) / min(old):5.3f}  {median(middles):6.3f}   " + " | ".join(" ".join(map(str, each)) for each in counts)
+            f"{min(new) / min(old):5.3f}  {median(middles):6.3f}   "
+            + " | ".join(" ".join(map(str, each)) for each in counts)
         )
 
 

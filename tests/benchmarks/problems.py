@@ -46,13 +46,17 @@ class Problem:
     def start(self) -> tuple[float, ...]:
         return tuple(self.system.start[name] for name in self.system.states)
 
-    def reference(self, t_end: float | None = None, start: tuple[float, ...] | None = None) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def reference(
+        self, t_end: float | None = None, start: tuple[float, ...] | None = None
+    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """problem.reference() -> (instants of the events in (0, t_end), state at t_end), right to the last digit or two."""
         return _reference(self, t_end or self.t_end, start or self.start)
 
 
 @cache
-def _reference(problem: Problem, t_end: float, start: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _reference(
+    problem: Problem, t_end: float, start: tuple[float, ...]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
     with mp.workdps(DIGITS):
         p = problem.p._replace(**{name: mpf(value) for name, value in problem.p._asdict().items()})
         instants, state = problem.exact(p, mpf(t_end), *map(mpf, start))
@@ -69,7 +73,9 @@ def rise(guard: Callable, t: mpf, t_end: mpf, step: float) -> mpf | None:
         b = min(a + step, t_end)
         after = guard(b)
         if before <= 0 < after and (before < 0 or a > t):
-            return findroot(guard, (a, b), solver="anderson", tol=mpf(10) ** (-2 * DIGITS + 8), verify=False)
+            return findroot(
+                guard, (a, b), solver="anderson", tol=mpf(10) ** (-2 * DIGITS + 8), verify=False
+            )
         a, before = b, after
     return None
 
@@ -108,15 +114,27 @@ def relay(p, t_end, x, v):
             return v + (p.h * (cos(p.w * t) - cos(p.w * q)) / p.w - F * (q - t)) / p.mu
 
         def place(q, t=t, x=x, v=v, F=F):
-            return x + v * (q - t) + (p.h * (cos(p.w * t) * (q - t) / p.w - (sin(p.w * q) - sin(p.w * t)) / p.w**2) - F * (q - t) ** 2 / 2) / p.mu
+            return (
+                x
+                + v * (q - t)
+                + (
+                    p.h * (cos(p.w * t) * (q - t) / p.w - (sin(p.w * q) - sin(p.w * t)) / p.w**2)
+                    - F * (q - t) ** 2 / 2
+                )
+                / p.mu
+            )
 
         turn = rise(lambda q: -way * speed(q), t, t_end, 0.05)
-        switch = rise(lambda q: way * place(q) - p.a, t, turn or t_end, 0.05) if F * way < 0 else None
+        switch = (
+            rise(lambda q: way * place(q) - p.a, t, turn or t_end, 0.05) if F * way < 0 else None
+        )
         if turn is None and switch is None:
             return instants, (place(t_end), speed(t_end))
         t_next = switch or turn
         x, v = place(t_next), mpf(0) if switch is None else speed(t_next)
-        x = way * p.a * (1 + mpf(10) ** (1 - DIGITS)) if switch is not None else x  # past the switch, not before it
+        x = (
+            way * p.a * (1 + mpf(10) ** (1 - DIGITS)) if switch is not None else x
+        )  # past the switch, not before it
         way = way if switch is not None else -way
         t = t_next
         instants.append(t)
@@ -163,10 +181,18 @@ def boost(p, t_end, i, v):
     """Matrix exponentials on (iL, v, 1); a period in which the current would turn negative is cut where it is zero."""
     a = 1 / ((p.R + p.RC) * p.C)
     A_on = matrix([[-p.RL / p.L, 0, p.E / p.L], [0, -a, 0], [0, 0, 0]])
-    A_diode = matrix([[-(p.RL + p.R * p.RC * a * p.C) / p.L, -p.R * a * p.C / p.L, p.E / p.L], [p.R * a, -a, 0], [0, 0, 0]])
+    A_diode = matrix(
+        [
+            [-(p.RL + p.R * p.RC * a * p.C) / p.L, -p.R * a * p.C / p.L, p.E / p.L],
+            [p.R * a, -a, 0],
+            [0, 0, 0],
+        ]
+    )
     A_off = matrix([[0, 0, 0], [0, -a, 0], [0, 0, 0]])
     on, off = p.d * p.Ts, (1 - p.d) * p.Ts
-    rates, vectors = eig(A_diode)  # to find where the current is zero a series of the matrix would take too long
+    rates, vectors = eig(
+        A_diode
+    )  # to find where the current is zero a series of the matrix would take too long
     charge, deliver = expm(A_on * on), expm(A_diode * off)
     s, instants = matrix([i, v, 1]), []
     for k in range(int(t_end / p.Ts + mpf("0.5"))):
@@ -178,7 +204,12 @@ def boost(p, t_end, i, v):
         end = deliver * s
         if end[0] < 0:
             c = lu_solve(vectors, s)
-            tau = rise(lambda q: -sum(vectors[0, m] * c[m] * exp(rates[m] * q) for m in range(3)).real, mpf(0), off, off)
+            tau = rise(
+                lambda q: -sum(vectors[0, m] * c[m] * exp(rates[m] * q) for m in range(3)).real,
+                mpf(0),
+                off,
+                off,
+            )
             s = expm(A_diode * tau) * s
             s[0] = 0
             instants.append(begin + on + tau)
@@ -194,13 +225,42 @@ def make_relay() -> System:
     """Handbook sample 3.3 as its notebook reads it: the force changes at x = ±a on the way out and at each turn."""
     right, left = systems.forced(-1), systems.forced(1)  # the way in which the relay pushes
     return System(
-        "hysteresis relay", {"x": "m", "v": "m/s"}, {"mu": 1.2, "K": 0.8, "a": 0.4, "h": 1.0, "w": 1.0},
-        [Mode("right, driven", right), Mode("right, braked", left), Mode("left, driven", left), Mode("left, braked", right)],
+        "hysteresis relay",
+        {"x": "m", "v": "m/s"},
+        {"mu": 1.2, "K": 0.8, "a": 0.4, "h": 1.0, "w": 1.0},
         [
-            Transition("right, driven", "right, braked", guard=lambda t, s, p: s.x - p.a, direction=1, urgent=True),
-            Transition("left, driven", "left, braked", guard=lambda t, s, p: s.x + p.a, direction=-1, urgent=True),
-            Transition(("right, driven", "right, braked"), "left, driven", guard=lambda t, s, p: s.v, direction=-1),
-            Transition(("left, driven", "left, braked"), "right, driven", guard=lambda t, s, p: s.v, direction=1),
+            Mode("right, driven", right),
+            Mode("right, braked", left),
+            Mode("left, driven", left),
+            Mode("left, braked", right),
+        ],
+        [
+            Transition(
+                "right, driven",
+                "right, braked",
+                guard=lambda t, s, p: s.x - p.a,
+                direction=1,
+                urgent=True,
+            ),
+            Transition(
+                "left, driven",
+                "left, braked",
+                guard=lambda t, s, p: s.x + p.a,
+                direction=-1,
+                urgent=True,
+            ),
+            Transition(
+                ("right, driven", "right, braked"),
+                "left, driven",
+                guard=lambda t, s, p: s.v,
+                direction=-1,
+            ),
+            Transition(
+                ("left, driven", "left, braked"),
+                "right, driven",
+                guard=lambda t, s, p: s.v,
+                direction=1,
+            ),
         ],
         start={"x": 0.0, "v": 0.0},
     )
@@ -208,31 +268,45 @@ def make_relay() -> System:
 
 def make_boost() -> System:
     """The boost converter of part 3, item 6: a clock, and a diode that blocks when its current is zero."""
+
     def on(t, s, p):
         return (p.E - p.RL * s.iL) / p.L, -s.v / ((p.R + p.RC) * p.C)
 
     def diode(t, s, p):
-        return (p.E - p.RL * s.iL - p.R / (p.R + p.RC) * (s.v + p.RC * s.iL)) / p.L, (p.R * s.iL - s.v) / ((p.R + p.RC) * p.C)
+        return (p.E - p.RL * s.iL - p.R / (p.R + p.RC) * (s.v + p.RC * s.iL)) / p.L, (
+            p.R * s.iL - s.v
+        ) / ((p.R + p.RC) * p.C)
 
     def off(t, s, p):
         return 0.0, -s.v / ((p.R + p.RC) * p.C)
 
     return System(
-        "boost converter", {"iL": "A", "v": "V"}, {"E": 20.0, "L": 1e-3, "C": 220e-6, "R": 50.0, "RL": 0.2, "RC": 0.05, "Ts": 1e-4, "d": 0.5},
+        "boost converter",
+        {"iL": "A", "v": "V"},
+        {"E": 20.0, "L": 1e-3, "C": 220e-6, "R": 50.0, "RL": 0.2, "RC": 0.05, "Ts": 1e-4, "d": 0.5},
         [Mode("on", on), Mode("diode", diode), Mode("off", off)],
         [
             Transition("on", "diode", at=Every("Ts", first=lambda p: p.d * p.Ts)),
             Transition(("diode", "off"), "on", at=Every("Ts")),
-            Transition("diode", "off", guard=lambda t, s, p: s.iL, direction=-1, reset=lambda t, s, p: (0.0, s.v)),
+            Transition(
+                "diode",
+                "off",
+                guard=lambda t, s, p: s.iL,
+                direction=-1,
+                reset=lambda t, s, p: (0.0, s.v),
+            ),
         ],
         start={"iL": 0.0, "v": 0.0},
     )
 
 
-PROBLEMS = {problem.name: problem for problem in (
-    Problem("spiral", "linear spiral, t ≤ 10", systems.spiral, 10.0, spiral),
-    Problem("ball", "bouncing ball, 12 bounces", systems.ball, 12.0, ball),
-    Problem("relay", "hysteresis relay, t ≤ 100", make_relay, 100.0, relay),
-    Problem("stick_slip", "stick-slip, t ≤ 30", systems.stick_slip, 30.0, stick_slip),
-    Problem("boost", "boost converter, 500 cycles", make_boost, 0.05, boost),
-)}
+PROBLEMS = {
+    problem.name: problem
+    for problem in (
+        Problem("spiral", "linear spiral, t ≤ 10", systems.spiral, 10.0, spiral),
+        Problem("ball", "bouncing ball, 12 bounces", systems.ball, 12.0, ball),
+        Problem("relay", "hysteresis relay, t ≤ 100", make_relay, 100.0, relay),
+        Problem("stick_slip", "stick-slip, t ≤ 30", systems.stick_slip, 30.0, stick_slip),
+        Problem("boost", "boost converter, 500 cycles", make_boost, 0.05, boost),
+    )
+}

@@ -23,8 +23,15 @@ from .start import Start
 HERE = Path(__file__).resolve().parent
 PICTURE = HERE.parents[1] / "notebooks" / "images" / "benchmarks.png"
 LABKIT = "labkit compiled"
-MARKERS = {"labkit compiled": ("o", COLORS[1], 9), "labkit plain": ("o", COLORS[4], 7), "solve_ivp": ("s", COLORS[0], 7), "CyRK": ("^", COLORS[2], 7),
-           "CyRK, own loop": ("v", COLORS[2], 7), "PathSim": ("D", COLORS[6], 6), "heyoka": ("P", COLORS[3], 8)}
+MARKERS = {
+    "labkit compiled": ("o", COLORS[1], 9),
+    "labkit plain": ("o", COLORS[4], 7),
+    "solve_ivp": ("s", COLORS[0], 7),
+    "CyRK": ("^", COLORS[2], 7),
+    "CyRK, own loop": ("v", COLORS[2], 7),
+    "PathSim": ("D", COLORS[6], 6),
+    "heyoka": ("P", COLORS[3], 8),
+}
 
 
 def milliseconds(seconds: float | None) -> str:
@@ -33,9 +40,17 @@ def milliseconds(seconds: float | None) -> str:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table whose columns also line up on a terminal."""
-    widths = [max(3, *(len(row[k]) for row in [head, *rows])) for k in range(len(head))]  # a rule of a mere colon is no table
+    widths = [
+        max(3, *(len(row[k]) for row in [head, *rows])) for k in range(len(head))
+    ]  # a rule of a mere colon is no table
     rule = [("-" * w)[:-1] + ":" if k else "-" * w for k, w in enumerate(widths)]
-    lines = [[cell.rjust(w) if k else cell.ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True))] for line in [head, rule, *rows]]
+    lines = [
+        [
+            cell.rjust(w) if k else cell.ljust(w)
+            for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+        ]
+        for line in [head, rule, *rows]
+    ]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -43,7 +58,9 @@ def events_cell(trials: Sequence[Trial]) -> str:
     """In how many of a tool's settings events were missed or invented; at 1e-2 an error of the solution can look like that."""
     fair = [t for t in trials if t.tolerance <= 1.001e-3]
     wrong = [t for t in fair if t.missed or t.invented]
-    return f"{len(wrong)} of {len(fair)}" + (f" ({', '.join(dict.fromkeys(t.contestant.method for t in wrong))})" if wrong else "")
+    return f"{len(wrong)} of {len(fair)}" + (
+        f" ({', '.join(dict.fromkeys(t.contestant.method for t in wrong))})" if wrong else ""
+    )
 
 
 def problem_table(problem: Problem, rows: Sequence[Row], trials: Sequence[Trial]) -> str:
@@ -54,8 +71,14 @@ def problem_table(problem: Problem, rows: Sequence[Row], trials: Sequence[Trial]
         line = [tool]
         for goal in GOALS:
             row, own = cell[tool, goal], cell.get((LABKIT, goal))
-            ratio = f"{row.seconds / own.seconds:.3g}" if row.seconds and own and own.seconds else "–"
-            line += [milliseconds(row.seconds), ratio, row.trial.label if row.trial else "not reached"]
+            ratio = (
+                f"{row.seconds / own.seconds:.3g}" if row.seconds and own and own.seconds else "–"
+            )
+            line += [
+                milliseconds(row.seconds),
+                ratio,
+                row.trial.label if row.trial else "not reached",
+            ]
         lines.append([*line, events_cell([t for t in trials if t.contestant.tool == tool])])
     head = [problem.title]
     for goal in GOALS:
@@ -82,17 +105,37 @@ class Results:
         for what in dict.fromkeys(e.what for e in self.scale.ensembles):
             group = [e for e in self.scale.ensembles if e.what == what]
             own = next((e.seconds for e in group if e.tool == LABKIT), None)
-            lines = [[e.tool, milliseconds(e.seconds), f"{e.seconds / own:.3g}" if own else "–", e.setting, f"{e.error:.0e}",
-                      "" if e.measured == e.lanes else f"scaled up from {e.measured}"] for e in group]
+            lines = [
+                [
+                    e.tool,
+                    milliseconds(e.seconds),
+                    f"{e.seconds / own:.3g}" if own else "–",
+                    e.setting,
+                    f"{e.error:.0e}",
+                    "" if e.measured == e.lanes else f"scaled up from {e.measured}",
+                ]
+                for e in group
+            ]
             parts.append(table([what, "ms", "ratio", "setting", "largest error", ""], lines) + "\n")
-        parts.append("## How cost grows\n\nThe exponent is that of the last three sizes (each four times the one before): 1 is linear.\n")
+        parts.append(
+            "## How cost grows\n\nThe exponent is that of the last three sizes (each four times the one before): 1 is linear.\n"
+        )
         lines = []
         for g in self.scale.growth:
-            times = "  ".join(f"{n}: {milliseconds(s)}" for n, s in zip(g.sizes, g.seconds, strict=True))
+            times = "  ".join(
+                f"{n}: {milliseconds(s)}" for n, s in zip(g.sizes, g.seconds, strict=True)
+            )
             lines.append([g.what, g.tool, times, f"{g.exponent:.2f}"])
         parts.append(table(["cost over", "tool", "n: ms", "exponent"], lines) + "\n")
-        lines = [[s.tool, milliseconds(s.imported), milliseconds(s.answered), s.remark] for s in self.start]
-        parts.append("## Before the first answer\n\n" + table(["stick-slip, in a new process", "ms, import", "ms, first run", ""], lines) + "\n")
+        lines = [
+            [s.tool, milliseconds(s.imported), milliseconds(s.answered), s.remark]
+            for s in self.start
+        ]
+        parts.append(
+            "## Before the first answer\n\n"
+            + table(["stick-slip, in a new process", "ms, import", "ms, first run", ""], lines)
+            + "\n"
+        )
         return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
@@ -129,9 +172,20 @@ def summary(tables: dict[str, tuple[list[Row], list[Trial]]]) -> str:
         for name, (rows, _) in tables.items():
             seconds = {row.tool: row.seconds for row in rows if row.goal == goal}
             own = seconds.get(LABKIT)
-            ratios = [f"{seconds[tool] / own:.3g}" if own and seconds.get(tool) else "–" for tool in tools]
+            ratios = [
+                f"{seconds[tool] / own:.3g}" if own and seconds.get(tool) else "–" for tool in tools
+            ]
             lines.append([PROBLEMS[name].title, milliseconds(own), *ratios])
-        parts.append(table([f"final error ≤ {goal:.0e}", f"{LABKIT}, ms", *(f"{tool}, ratio" for tool in tools)], lines))
+        parts.append(
+            table(
+                [
+                    f"final error ≤ {goal:.0e}",
+                    f"{LABKIT}, ms",
+                    *(f"{tool}, ratio" for tool in tools),
+                ],
+                lines,
+            )
+        )
     return "\n\n".join(parts)
 
 
@@ -142,10 +196,24 @@ def picture(results: Results):
     for axes, goal in zip(fig.axes[:2], GOALS, strict=True):
         for number, (tool, (marker, color, size)) in enumerate(MARKERS.items()):
             shift = 0.09 * (number - len(MARKERS) / 2)  # so that none hides another
-            rows = [(row, place) for place, (rows, _) in enumerate(results.tables.values()) for row in rows]
-            found = [(row.seconds, place) for row, place in rows if (row.tool, row.goal) == (tool, goal)]
+            rows = [
+                (row, place)
+                for place, (rows, _) in enumerate(results.tables.values())
+                for row in rows
+            ]
+            found = [
+                (row.seconds, place) for row, place in rows if (row.tool, row.goal) == (tool, goal)
+            ]
             if points := [(1e3 * seconds, place + shift) for seconds, place in found if seconds]:
-                axes.plot(*zip(*points, strict=True), marker, color=color, markersize=size, label=tool, markeredgecolor="white", markeredgewidth=0.7)
+                axes.plot(
+                    *zip(*points, strict=True),
+                    marker,
+                    color=color,
+                    markersize=size,
+                    label=tool,
+                    markeredgecolor="white",
+                    markeredgewidth=0.7,
+                )
         axes.set(xscale="log", xlabel="time of one run [ms]", ylim=(len(titles) - 0.5, -0.5))
         axes.set(yticks=range(len(titles)), yticklabels=titles if goal == GOALS[0] else [])
         axes.margins(x=0.05)
@@ -158,16 +226,37 @@ def picture(results: Results):
         trials = results.tables["relay"][1]
         for tool, (marker, color, _) in MARKERS.items():
             own = [t for t in trials if t.contestant.tool == tool and not t.missed + t.invented]
-            front = [t for t in own if not any(o.seconds < t.seconds and o.error < t.error for o in own)]
+            front = [
+                t for t in own if not any(o.seconds < t.seconds and o.error < t.error for o in own)
+            ]
             front.sort(key=lambda t: t.seconds)
-            work.loglog([1e3 * t.seconds for t in front], [t.error for t in front], marker + "-", color=color, markersize=4, linewidth=1)
-        work.set(title="hysteresis relay, best of all settings", xlabel="time of one run [ms]", ylabel="final error", ylim=(1e-12, 1))
+            work.loglog(
+                [1e3 * t.seconds for t in front],
+                [t.error for t in front],
+                marker + "-",
+                color=color,
+                markersize=4,
+                linewidth=1,
+            )
+        work.set(
+            title="hysteresis relay, best of all settings",
+            xlabel="time of one run [ms]",
+            ylabel="final error",
+            ylim=(1e-12, 1),
+        )
         work.margins(x=0.05)
     styles = {"length": "-", "events": "--", "lanes": ":"}
     for g in results.scale.growth:
         kind = g.what.split()[0]
         marker, color, _ = MARKERS[g.tool]
-        cost.loglog(g.sizes, [1e3 * s for s in g.seconds], marker + styles[kind], color=color, markersize=4, linewidth=1.2)
+        cost.loglog(
+            g.sizes,
+            [1e3 * s for s in g.seconds],
+            marker + styles[kind],
+            color=color,
+            markersize=4,
+            linewidth=1.2,
+        )
     for kind, dashes in styles.items():
         cost.plot([], [], dashes, color="#555555", label=kind)
     cost.set(title="cost over n", xlabel="n", ylabel="time [ms]")

@@ -1,6 +1,6 @@
 """Many runs at once, and how cost grows with length, with events and with lanes.
 
-    scale(quick, log) -> Scale: .ensembles (many trajectories, many end states) and .growth (times over sizes, exponents)
+scale(quick, log) -> Scale: .ensembles (many trajectories, many end states) and .growth (times over sizes, exponents)
 """
 
 from __future__ import annotations
@@ -74,26 +74,45 @@ def starts_of(problem: Problem, lanes: int) -> tuple[np.ndarray, np.ndarray, str
     return 0.5 + 2.0 * u[:, 0], 0.2 + 3.0 * u[:, 1], "slip"
 
 
-def trajectory_tools(problem: Problem, x: np.ndarray, y: np.ndarray, mode: str, grid: np.ndarray) -> dict[str, dict[str, Callable[[], np.ndarray]]]:
+def trajectory_tools(
+    problem: Problem, x: np.ndarray, y: np.ndarray, mode: str, grid: np.ndarray
+) -> dict[str, dict[str, Callable[[], np.ndarray]]]:
     """tool -> setting -> function that computes all trajectories and returns the end states, (lanes, 2)."""
     first, second = problem.system.states
     t_end, tools = float(grid[-1]), {}
 
     def with_labkit(backend, method, tol):
         starts, accuracy = {first: x, second: y}, {"method": method, "rtol": tol, "atol": tol}
-        runs = simulate_many(problem.system, t_end, start=starts, mode=mode, points=grid, backend=backend, **accuracy)
+        runs = simulate_many(
+            problem.system, t_end, start=starts, mode=mode, points=grid, backend=backend, **accuracy
+        )
         return np.transpose([runs.final[first], runs.final[second]])
 
     def with_solve_ivp(method, tol):
-        solver, ends = {"relay": with_scipy.relay, "stick_slip": with_scipy.stick_slip}[problem.name], []
+        solver, ends = (
+            {"relay": with_scipy.relay, "stick_slip": with_scipy.stick_slip}[problem.name],
+            [],
+        )
         for start in zip(x.tolist(), y.tolist(), strict=True):
             pieces: list[np.ndarray] = []
-            ends.append(solver(problem.p, t_end, start, {"method": method, "rtol": tol, "atol": tol}, (grid, pieces)).state)
+            ends.append(
+                solver(
+                    problem.p,
+                    t_end,
+                    start,
+                    {"method": method, "rtol": tol, "atol": tol},
+                    (grid, pieces),
+                ).state
+            )
             np.concatenate(pieces, axis=1)
         return np.array(ends)
 
     def grade(run, methods):
-        return {f"{method}, {tol:.0e}": partial(run, method, tol) for method in methods for tol in (1e-6, 1e-7, 1e-8, 1e-9)}
+        return {
+            f"{method}, {tol:.0e}": partial(run, method, tol)
+            for method in methods
+            for tol in (1e-6, 1e-7, 1e-8, 1e-9)
+        }
 
     for backend in ("compiled", "plain"):
         tools[f"labkit {backend}"] = grade(partial(with_labkit, backend), ("RK45", "DOP853"))
@@ -104,13 +123,21 @@ def trajectory_tools(problem: Problem, x: np.ndarray, y: np.ndarray, mode: str, 
         return tools
 
     def heyoka(tol):
-        taylor = {"relay": with_heyoka.relay, "stick_slip": with_heyoka.stick_slip}[problem.name](problem.p, problem.start, tol).__self__
+        taylor = {"relay": with_heyoka.relay, "stick_slip": with_heyoka.stick_slip}[problem.name](
+            problem.p, problem.start, tol
+        ).__self__
         p = problem.p
 
         def run():
             ends = []
             for start in zip(x.tolist(), y.tolist(), strict=True):
-                ends.append(taylor.sample(start, (p.K,) if problem.name == "relay" else (1.0, float(start[1] < p.V0)), grid)[-1])
+                ends.append(
+                    taylor.sample(
+                        start,
+                        (p.K,) if problem.name == "relay" else (1.0, float(start[1] < p.V0)),
+                        grid,
+                    )[-1]
+                )
             return np.array(ends)
 
         return run
@@ -123,7 +150,9 @@ def trajectories(name: str, lanes: int, points: int, rounds: int, log: Callable)
     """Many trajectories with samples: for each tool the fastest setting that keeps the goal in every lane, then in turn."""
     problem, t_end = PROBLEMS[name], {"relay": 20.0, "stick_slip": 10.0}[name]
     x, y, mode = starts_of(problem, lanes)
-    exact = np.array([problem.reference(t_end, start)[1] for start in zip(x.tolist(), y.tolist(), strict=True)])
+    exact = np.array(
+        [problem.reference(t_end, start)[1] for start in zip(x.tolist(), y.tolist(), strict=True)]
+    )
     grid = np.linspace(0.0, t_end, points)
     found = {}
     for tool, settings in trajectory_tools(problem, x, y, mode, grid).items():
@@ -143,7 +172,10 @@ def trajectories(name: str, lanes: int, points: int, rounds: int, log: Callable)
             for _ in range(5 if seconds < 0.1 else 1):
                 best[tool] = min(best[tool], clock(run))
     what = f"{lanes} × {points} points, {problem.title.split(',')[0]}, t ≤ {t_end:g}"
-    return [Ensemble(what, tool, found[tool][0], lanes, best[tool], found[tool][3], lanes) for tool in found]
+    return [
+        Ensemble(what, tool, found[tool][0], lanes, best[tool], found[tool][3], lanes)
+        for tool in found
+    ]
 
 
 # ---------------------------------------------------------------- end states
@@ -154,7 +186,9 @@ def end_states(lanes: int, log: Callable) -> list[Ensemble]:
     problem = PROBLEMS["spiral"]
     p, t_end = problem.p, problem.t_end
     s1, s2 = np.random.default_rng(1).uniform(-5, 5, (2, lanes))
-    exact = np.array([systems.spiral_exact(np.array([t_end]), start)[:, 0] for start in zip(s1, s2, strict=True)])
+    exact = np.array(
+        [systems.spiral_exact(np.array([t_end]), start)[:, 0] for start in zip(s1, s2, strict=True)]
+    )
     few = min(lanes, 200)
     runs = []
 
@@ -162,25 +196,58 @@ def end_states(lanes: int, log: Callable) -> list[Ensemble]:
         began = perf_counter()
         ends = run(count)
         seconds = (perf_counter() - began) * lanes / count
-        runs.append(Ensemble(f"{lanes} end states, linear spiral", tool, setting, lanes, seconds, np.abs(ends - exact[:count]).max(), count))
+        runs.append(
+            Ensemble(
+                f"{lanes} end states, linear spiral",
+                tool,
+                setting,
+                lanes,
+                seconds,
+                np.abs(ends - exact[:count]).max(),
+                count,
+            )
+        )
         log(f"    {tool}: {seconds:.2f} s")
 
     def with_labkit(count, backend="compiled"):
         starts = {"s1": s1[:count], "s2": s2[:count]}
-        final = simulate_many(problem.system, t_end, start=starts, points=np.array([t_end]), rtol=1e-6, atol=1e-6, backend=backend).final
+        final = simulate_many(
+            problem.system,
+            t_end,
+            start=starts,
+            points=np.array([t_end]),
+            rtol=1e-6,
+            atol=1e-6,
+            backend=backend,
+        ).final
         return np.transpose([final["s1"], final["s2"]])
 
     def all_at_once(count):
         def flow(t, y):
             a, b = y[:count], y[count:]
-            return np.concatenate([p.alpha * a + p.beta * b + p.b1, p.alpha * b - p.beta * a + p.b2])
+            return np.concatenate(
+                [p.alpha * a + p.beta * b + p.b1, p.alpha * b - p.beta * a + p.b2]
+            )
 
-        ends = solve_ivp(flow, (0.0, t_end), np.concatenate([s1[:count], s2[:count]]), method="DOP853", rtol=1e-6, atol=1e-6, t_eval=[t_end]).y[:, -1]
+        ends = solve_ivp(
+            flow,
+            (0.0, t_end),
+            np.concatenate([s1[:count], s2[:count]]),
+            method="DOP853",
+            rtol=1e-6,
+            atol=1e-6,
+            t_eval=[t_end],
+        ).y[:, -1]
         return ends.reshape(2, count).T
 
     def one_by_one(count):
         accuracy = {"method": "DOP853", "rtol": 1e-6, "atol": 1e-6}
-        return np.array([with_scipy.spiral(p, t_end, start, accuracy).state for start in zip(s1[:count], s2[:count], strict=True)])
+        return np.array(
+            [
+                with_scipy.spiral(p, t_end, start, accuracy).state
+                for start in zip(s1[:count], s2[:count], strict=True)
+            ]
+        )
 
     with_labkit(2)
     add("labkit compiled", "DOP853, 1e-06", lanes, with_labkit)
@@ -194,7 +261,11 @@ def end_states(lanes: int, log: Callable) -> list[Ensemble]:
     else:
         from numba import njit
 
-        address, args, last = with_cyrk.both(with_cyrk.spiral_flow)[0], np.array([p.alpha, p.beta, p.b1, p.b2]), with_cyrk.last
+        address, args, last = (
+            with_cyrk.both(with_cyrk.spiral_flow)[0],
+            np.array([p.alpha, p.beta, p.b1, p.b2]),
+            with_cyrk.last,
+        )
 
         @njit
         def loop(starts, ends):
@@ -215,7 +286,11 @@ def end_states(lanes: int, log: Callable) -> list[Ensemble]:
         pass
     else:
         a, b = hy.make_vars("s1", "s2")
-        ta = hy.taylor_adaptive([(a, p.alpha * a + p.beta * b + p.b1), (b, p.alpha * b - p.beta * a + p.b2)], [0.0, 0.0], tol=1e-6)
+        ta = hy.taylor_adaptive(
+            [(a, p.alpha * a + p.beta * b + p.b1), (b, p.alpha * b - p.beta * a + p.b2)],
+            [0.0, 0.0],
+            tol=1e-6,
+        )
         state = ta.state
 
         def with_taylor(count):
@@ -248,27 +323,73 @@ def growth(quick: bool, log: Callable) -> list[Growth]:
     def lanes(backend):
         def run(n):
             x, y, mode = starts_of(PROBLEMS["stick_slip"], n)
-            return simulate_many(stick_slip, 10.0, start={"x": x, "V": y}, mode=mode, points=300, backend=backend)
+            return simulate_many(
+                stick_slip, 10.0, start={"x": x, "V": y}, mode=mode, points=300, backend=backend
+            )
 
         return run
 
     def length_scipy(n):
-        return solve_ivp(lambda t, y: (y[1], -y[0]), (0.0, float(n)), (1.0, 0.0), method="DOP853", rtol=1e-8, atol=1e-10)
+        return solve_ivp(
+            lambda t, y: (y[1], -y[0]),
+            (0.0, float(n)),
+            (1.0, 0.0),
+            method="DOP853",
+            rtol=1e-8,
+            atol=1e-10,
+        )
 
     def bounces_scipy(n):
         p = PROBLEMS["ball"].p._replace(e=1.0)
-        return with_scipy.ball(p, 2.0 * fall * n, (10.0, 0.0), {"method": "DOP853", "rtol": 1e-8, "atol": 1e-10})
+        return with_scipy.ball(
+            p, 2.0 * fall * n, (10.0, 0.0), {"method": "DOP853", "rtol": 1e-8, "atol": 1e-10}
+        )
 
     top = 3 if quick else 5
     plan = [
-        ("length (oscillator, t ≤ n)", "labkit compiled", length("compiled"), [100 * 4**k for k in range(top)]),
-        ("length (oscillator, t ≤ n)", "labkit plain", length("plain"), [25 * 4**k for k in range(top)]),
+        (
+            "length (oscillator, t ≤ n)",
+            "labkit compiled",
+            length("compiled"),
+            [100 * 4**k for k in range(top)],
+        ),
+        (
+            "length (oscillator, t ≤ n)",
+            "labkit plain",
+            length("plain"),
+            [25 * 4**k for k in range(top)],
+        ),
         ("length (oscillator, t ≤ n)", "solve_ivp", length_scipy, [25 * 4**k for k in range(top)]),
-        ("events (ball, n bounces)", "labkit compiled", bounces("compiled"), [40 * 4**k for k in range(top)]),
-        ("events (ball, n bounces)", "labkit plain", bounces("plain"), [10 * 4**k for k in range(top - 1)]),
-        ("events (ball, n bounces)", "solve_ivp", bounces_scipy, [10 * 4**k for k in range(top - 1)]),
-        ("lanes (stick-slip, n × 300 points)", "labkit compiled", lanes("compiled"), [15 * 4**k for k in range(top)]),
-        ("lanes (stick-slip, n × 300 points)", "labkit plain", lanes("plain"), [4 * 4**k for k in range(top - 1)]),
+        (
+            "events (ball, n bounces)",
+            "labkit compiled",
+            bounces("compiled"),
+            [40 * 4**k for k in range(top)],
+        ),
+        (
+            "events (ball, n bounces)",
+            "labkit plain",
+            bounces("plain"),
+            [10 * 4**k for k in range(top - 1)],
+        ),
+        (
+            "events (ball, n bounces)",
+            "solve_ivp",
+            bounces_scipy,
+            [10 * 4**k for k in range(top - 1)],
+        ),
+        (
+            "lanes (stick-slip, n × 300 points)",
+            "labkit compiled",
+            lanes("compiled"),
+            [15 * 4**k for k in range(top)],
+        ),
+        (
+            "lanes (stick-slip, n × 300 points)",
+            "labkit plain",
+            lanes("plain"),
+            [4 * 4**k for k in range(top - 1)],
+        ),
     ]
     found = []
     for what, tool, run, sizes in plan:
@@ -277,7 +398,10 @@ def growth(quick: bool, log: Callable) -> list[Growth]:
         for number in range(12):
             for place, n in enumerate(sizes):
                 if number < 3 or best[place] < 0.1:
-                    best[place] = min(best[place], clock(partial(run, n), perf_counter if what.startswith("lanes") else CLOCK))
+                    best[place] = min(
+                        best[place],
+                        clock(partial(run, n), perf_counter if what.startswith("lanes") else CLOCK),
+                    )
         found.append(Growth(what, tool, sizes, best))
         log(f"    {what}, {tool}: exponent {found[-1].exponent:.2f}")
     return found

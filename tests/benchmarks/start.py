@@ -1,6 +1,6 @@
 """What each tool costs before its first answer: its import, and the first run of the stick-slip problem in a new process.
 
-    start_up(quick, log) -> list of Start
+start_up(quick, log) -> list of Start
 """
 
 from __future__ import annotations
@@ -15,14 +15,44 @@ from pathlib import Path
 
 #: (tool, what is said of it, module, name of the contestant, starts with an empty cache)
 FIRST = (
-    ("labkit plain", "nothing to compile: what a first run uses by itself", "with_labkit", "labkit plain", False),
-    ("labkit compiled", "model and engine kept from an earlier session", "with_labkit", "labkit compiled", False),
-    ("labkit compiled", "nothing kept: the engine, once on a computer, and the model", "with_labkit", "labkit compiled", True),
+    (
+        "labkit plain",
+        "nothing to compile: what a first run uses by itself",
+        "with_labkit",
+        "labkit plain",
+        False,
+    ),
+    (
+        "labkit compiled",
+        "model and engine kept from an earlier session",
+        "with_labkit",
+        "labkit compiled",
+        False,
+    ),
+    (
+        "labkit compiled",
+        "nothing kept: the engine, once on a computer, and the model",
+        "with_labkit",
+        "labkit compiled",
+        True,
+    ),
     ("solve_ivp", "", "with_scipy", "solve_ivp", False),
     ("CyRK", "right side compiled by Numba, in each session", "with_cyrk", "CyRK", False),
-    ("CyRK, own loop", "solver call and loop compiled by Numba, in each session", "with_cyrk", "CyRK, own loop", False),
+    (
+        "CyRK, own loop",
+        "solver call and loop compiled by Numba, in each session",
+        "with_cyrk",
+        "CyRK, own loop",
+        False,
+    ),
     ("PathSim", "", "with_pathsim", "PathSim", False),
-    ("heyoka", "compiled by LLVM, in each session and for each tolerance", "with_heyoka", "heyoka", False),
+    (
+        "heyoka",
+        "compiled by LLVM, in each session and for each tolerance",
+        "with_heyoka",
+        "heyoka",
+        False,
+    ),
 )
 
 CHILD = """
@@ -50,8 +80,19 @@ class Start:
 def _child(code: str, **environment: str) -> tuple[float, float]:
     root = Path(__file__).resolve().parents[2]
     environment = {**os.environ, "PYTHONPATH": str(root), **environment}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, cwd=root, env=environment)
-    return tuple(map(float, done.stdout.split())) if done.returncode == 0 else (float("nan"), float("nan"))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        cwd=root,
+        env=environment,
+    )
+    return (
+        tuple(map(float, done.stdout.split()))
+        if done.returncode == 0
+        else (float("nan"), float("nan"))
+    )
 
 
 def start_up(quick: bool, log: Callable = print) -> list[Start]:
@@ -64,7 +105,12 @@ def start_up(quick: bool, log: Callable = print) -> list[Start]:
         times = []
         for _ in range(1 if empty or quick else 3):
             with tempfile.TemporaryDirectory() as folder:
-                times.append(_child(CHILD.format(module=module, tool=name), **({"LABKIT_CACHE": folder} if empty else {})))
+                times.append(
+                    _child(
+                        CHILD.format(module=module, tool=name),
+                        **({"LABKIT_CACHE": folder} if empty else {}),
+                    )
+                )
         found.append(Start(tool, remark, *min(times, key=sum)))
         log(f"    {tool}: {sum(min(times)):.3f} s {remark}")
     return found

@@ -30,7 +30,9 @@ def chase(address, p, guard, t, y, t_end, stretch, method, tol):
     """(t, state, True) where guard(y, p) first falls through zero after t, or (t_end, state, False)."""
     while t < t_end:
         until = min(t + stretch, t_end)
-        run = nbsolve2_ivp(address, (t, until), y, method=method, dense_output=True, args=p, rtol=tol, atol=tol)
+        run = nbsolve2_ivp(
+            address, (t, until), y, method=method, dense_output=True, args=p, rtol=tol, atol=tol
+        )
         ts, ys = run.t, run.y
         before = guard(ys[:, 0], p)
         for k in range(1, len(ts)):
@@ -62,7 +64,9 @@ def chase(address, p, guard, t, y, t_end, stretch, method, tol):
 @njit
 def last(address, p, t, y, t_end, method, tol, first_step=0.0):
     """State at t_end."""
-    run = nbsolve2_ivp(address, (t, t_end), y, method=method, args=p, rtol=tol, atol=tol, first_step=first_step)
+    run = nbsolve2_ivp(
+        address, (t, t_end), y, method=method, args=p, rtol=tol, atol=tol, first_step=first_step
+    )
     end = run.y[:, -1].copy()
     run.free()
     return end
@@ -86,7 +90,19 @@ def spiral(p, start, t_end, nb, method, tol):
     args = np.array([p.alpha, p.beta, p.b1, p.b2])
     if nb:
         return lambda: Answer(last(address, args, 0.0, start, t_end, method, tol), [])
-    return lambda: Answer(pysolve_ivp(flow, (0.0, t_end), start, method=method, args=(args,), rtol=tol, atol=tol, pass_dy_as_arg=True).y[:, -1], [])
+    return lambda: Answer(
+        pysolve_ivp(
+            flow,
+            (0.0, t_end),
+            start,
+            method=method,
+            args=(args,),
+            rtol=tol,
+            atol=tol,
+            pass_dy_as_arg=True,
+        ).y[:, -1],
+        [],
+    )
 
 
 # ---------------------------------------------------------------- ball
@@ -124,7 +140,17 @@ def ball(p, start, t_end, nb, method, tol):
     def run():
         t, y, instants = 0.0, start, []
         while len(instants) < ENOUGH:
-            piece = pysolve_ivp(flow, (t, t_end), y, method=method, args=(args,), rtol=tol, atol=tol, events=(ground,), pass_dy_as_arg=True)
+            piece = pysolve_ivp(
+                flow,
+                (t, t_end),
+                y,
+                method=method,
+                args=(args,),
+                rtol=tol,
+                atol=tol,
+                events=(ground,),
+                pass_dy_as_arg=True,
+            )
             if not piece.event_terminated:
                 return Answer(piece.y[:, -1], instants)
             t = piece.t_events[0][-1]
@@ -174,14 +200,27 @@ def relay(p, start, t_end, nb, method, tol):
     if nb:
         return lambda: Answer(*relay_loop(address, args, start, t_end, method, tol))
     turns = {1: terminal(lambda t, y, q: y[1], -1), -1: terminal(lambda t, y, q: y[1], 1)}
-    switches = {1: terminal(lambda t, y, q: y[0] - p.a, 1), -1: terminal(lambda t, y, q: y[0] + p.a, -1)}
+    switches = {
+        1: terminal(lambda t, y, q: y[0] - p.a, 1),
+        -1: terminal(lambda t, y, q: y[0] + p.a, -1),
+    }
 
     def run():
         q, t, y, way, driven, instants = args.copy(), 0.0, start, 1, True, []
         while True:
             q[5] = p.K * way if driven else -p.K * way
             events = (turns[way], switches[way]) if driven else (turns[way],)
-            piece = pysolve_ivp(flow, (t, t_end), y, method=method, args=(q,), rtol=tol, atol=tol, events=events, pass_dy_as_arg=True)
+            piece = pysolve_ivp(
+                flow,
+                (t, t_end),
+                y,
+                method=method,
+                args=(q,),
+                rtol=tol,
+                atol=tol,
+                events=events,
+                pass_dy_as_arg=True,
+            )
             if not piece.event_terminated:
                 return Answer(piece.y[:, -1], instants)
             which = piece.event_terminate_index
@@ -237,7 +276,17 @@ def stick_slip(p, start, t_end, nb, method, tol):
         q, t, y, instants = args.copy(), 0.0, start, []
         while True:
             event = stop if q[6] else loose
-            piece = pysolve_ivp(flow, (t, t_end), y, method=method, args=(q,), rtol=tol, atol=tol, events=(event,), pass_dy_as_arg=True)
+            piece = pysolve_ivp(
+                flow,
+                (t, t_end),
+                y,
+                method=method,
+                args=(q,),
+                rtol=tol,
+                atol=tol,
+                events=(event,),
+                pass_dy_as_arg=True,
+            )
             if not piece.event_terminated:
                 return Answer(piece.y[:, -1], instants)
             t, y = piece.t_events[0][-1], np.array([piece.y[0, -1], 0.0])
@@ -270,7 +319,9 @@ def boost_loop(address, p, y, Ts, d, cycles, method, tol):
         p[7], p[8] = 0.0, 1.0
         if k:
             instants.append(begin)
-        y = last(address, p, begin, y, middle, method, tol, 0.49 * (middle - begin))  # the longest that is allowed
+        y = last(
+            address, p, begin, y, middle, method, tol, 0.49 * (middle - begin)
+        )  # the longest that is allowed
         instants.append(middle)
         p[7] = 1.0
         ahead = last(address, p, middle, y, end, method, tol, 0.49 * (end - middle))
@@ -286,7 +337,9 @@ def boost_loop(address, p, y, Ts, d, cycles, method, tol):
 
 def boost(p, start, t_end, nb, method, tol):
     address, flow = both(boost_flow)
-    args = np.array([p.E, p.L, p.RL, 1 / ((p.R + p.RC) * p.C), p.R / (p.R + p.RC), p.RC, p.R, 0.0, 1.0])
+    args = np.array(
+        [p.E, p.L, p.RL, 1 / ((p.R + p.RC) * p.C), p.R / (p.R + p.RC), p.RC, p.R, 0.0, 1.0]
+    )
     cycles = round(t_end / p.Ts)
     if nb:
         return lambda: Answer(*boost_loop(address, args, start, p.Ts, p.d, cycles, method, tol))
@@ -313,9 +366,19 @@ def boost(p, start, t_end, nb, method, tol):
 
 
 def contestants(problem: Problem) -> list[Contestant]:
-    build = {"spiral": spiral, "ball": ball, "relay": relay, "stick_slip": stick_slip, "boost": boost}[problem.name]
+    build = {
+        "spiral": spiral,
+        "ball": ball,
+        "relay": relay,
+        "stick_slip": stick_slip,
+        "boost": boost,
+    }[problem.name]
 
     def make(nb: bool, method: str):
         return lambda tol: build(problem.p, np.array(problem.start), problem.t_end, nb, method, tol)
 
-    return [Contestant(tool, method, make(tool == OWN_LOOP, method)) for tool in ("CyRK", OWN_LOOP) for method in METHODS]
+    return [
+        Contestant(tool, method, make(tool == OWN_LOOP, method))
+        for tool in ("CyRK", OWN_LOOP)
+        for method in METHODS
+    ]

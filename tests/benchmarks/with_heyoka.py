@@ -20,7 +20,9 @@ class Taylor:
     def __init__(self, equations, start, tol, events=(), parameters=()):
         self.begin, self.settings, self.instants = tuple(start), tuple(parameters), []
         options = {"pars": list(parameters)} if parameters else {}
-        self.ta = hy.taylor_adaptive(equations, list(start), tol=tol, t_events=list(events), **options)
+        self.ta = hy.taylor_adaptive(
+            equations, list(start), tol=tol, t_events=list(events), **options
+        )
         self.state, self.pars = self.ta.state, self.ta.pars
 
     def restart(self):
@@ -45,7 +47,11 @@ class Taylor:
 
 def spiral(p, start, tol):
     s1, s2 = hy.make_vars("s1", "s2")
-    ta = hy.taylor_adaptive([(s1, p.alpha * s1 + p.beta * s2 + p.b1), (s2, p.alpha * s2 - p.beta * s1 + p.b2)], list(start), tol=tol)
+    ta = hy.taylor_adaptive(
+        [(s1, p.alpha * s1 + p.beta * s2 + p.b1), (s2, p.alpha * s2 - p.beta * s1 + p.b2)],
+        list(start),
+        tol=tol,
+    )
 
     def run(t_end):
         ta.time = 0.0
@@ -94,8 +100,14 @@ def relay(p, start, tol):
         taylor.instants.append(ta.time)
         return True
 
-    events = [event(x - p.a, up, "positive"), event(x + p.a, down, "negative"), event(v, turn, "any")]
-    taylor = Taylor([(x, v), (v, (p.h * hy.sin(p.w * hy.time) + push) / p.mu)], start, tol, events, [p.K])
+    events = [
+        event(x - p.a, up, "positive"),
+        event(x + p.a, down, "negative"),
+        event(v, turn, "any"),
+    ]
+    taylor = Taylor(
+        [(x, v), (v, (p.h * hy.sin(p.w * hy.time) + push) / p.mu)], start, tol, events, [p.K]
+    )
     return taylor.run
 
 
@@ -114,9 +126,14 @@ def stick_slip(p, start, tol):
         return True
 
     # One event for release and stop: its cool-down hides that the speed is zero at the release
-    events = [event(slips * V + (1.0 - slips) * (p.Fs - p.k * x), change, "negative"), event(V - p.V0, kink, "any")]
+    events = [
+        event(slips * V + (1.0 - slips) * (p.Fs - p.k * x), change, "negative"),
+        event(V - p.V0, kink, "any"),
+    ]
     friction = p.Fc + slow * (p.Fs - p.Fc) * (1.0 - V / p.V0) ** 2
-    taylor = Taylor([(x, p.Vp - V), (V, slips * (p.k * x - friction) / p.m)], start, tol, events, [0.0, 1.0])
+    taylor = Taylor(
+        [(x, p.Vp - V), (V, slips * (p.k * x - friction) / p.m)], start, tol, events, [0.0, 1.0]
+    )
     return taylor.run
 
 
@@ -131,7 +148,10 @@ def boost(p, start, tol):
         taylor.instants.append(ta.time)
         return True
 
-    equations = [(i, blocked * (p.E - p.RL * i - conducts * b * (v + p.RC * i)) / p.L), (v, a * (conducts * p.R * i - v))]
+    equations = [
+        (i, blocked * (p.E - p.RL * i - conducts * b * (v + p.RC * i)) / p.L),
+        (v, a * (conducts * p.R * i - v)),
+    ]
     taylor = Taylor(equations, start, tol, [event(i, blocks, "negative")], [0.0, 1.0])
 
     def run(t_end):
@@ -152,7 +172,13 @@ def boost(p, start, tol):
 
 
 def contestants(problem: Problem) -> list[Contestant]:
-    build = {"spiral": spiral, "ball": ball, "relay": relay, "stick_slip": stick_slip, "boost": boost}[problem.name]
+    build = {
+        "spiral": spiral,
+        "ball": ball,
+        "relay": relay,
+        "stick_slip": stick_slip,
+        "boost": boost,
+    }[problem.name]
 
     def make(tol):
         run = build(problem.p, problem.start, tol)

@@ -44,13 +44,27 @@ class Model:
         self.events.append(Schedule(t_start=first, t_period=period, func_act=note))
 
     def solve(self, t_end, solver, tol):
-        simulation = Simulation([self.block], [], self.events, dt=None, Solver=solver, tolerance_lte_abs=tol, tolerance_lte_rel=tol, log=False)
+        simulation = Simulation(
+            [self.block],
+            [],
+            self.events,
+            dt=None,
+            Solver=solver,
+            tolerance_lte_abs=tol,
+            tolerance_lte_rel=tol,
+            log=False,
+        )
         simulation.run(t_end)
         return Answer(self.state, self.instants)
 
 
 def spiral(p, start, tol):
-    return Model(lambda s, u, t: np.array([p.alpha * s[0] + p.beta * s[1] + p.b1, p.alpha * s[1] - p.beta * s[0] + p.b2]), start)
+    return Model(
+        lambda s, u, t: np.array(
+            [p.alpha * s[0] + p.beta * s[1] + p.b1, p.alpha * s[1] - p.beta * s[0] + p.b2]
+        ),
+        start,
+    )
 
 
 def ball(p, start, tol):
@@ -101,7 +115,13 @@ def stick_slip(p, start, tol):
         if not slips:
             return np.array([p.Vp, 0.0])
         x, V = s
-        return np.array([p.Vp - V, (p.k * x - (p.Fc + (p.Fs - p.Fc) * (1 - V / p.V0) ** 2 if V < p.V0 else p.Fc)) / p.m])
+        return np.array(
+            [
+                p.Vp - V,
+                (p.k * x - (p.Fc + (p.Fs - p.Fc) * (1 - V / p.V0) ** 2 if V < p.V0 else p.Fc))
+                / p.m,
+            ]
+        )
 
     model = Model(flow, start)
 
@@ -160,9 +180,17 @@ def boost(p, start, tol):
 
 
 def contestants(problem: Problem) -> list[Contestant]:
-    build = {"spiral": spiral, "ball": ball, "relay": relay, "stick_slip": stick_slip, "boost": boost}[problem.name]
+    build = {
+        "spiral": spiral,
+        "ball": ball,
+        "relay": relay,
+        "stick_slip": stick_slip,
+        "boost": boost,
+    }[problem.name]
 
     def make(solver):
-        return lambda tol: lambda: build(problem.p, problem.start, tol).solve(problem.t_end, solver, tol)
+        return lambda tol: (
+            lambda: build(problem.p, problem.start, tol).solve(problem.t_end, solver, tol)
+        )
 
     return [Contestant("PathSim", name, make(solver)) for name, solver in SOLVERS.items()]

@@ -20,7 +20,7 @@ def go(flow, t, t_end, y, events, options, samples=None):
     """One piece: (end time, state, index of the event that ended it or None). `samples` is (grid, list of arrays to fill)."""
     if samples is not None:
         grid, out = samples
-        options = {**options, "t_eval": grid[grid.searchsorted(t):]}
+        options = {**options, "t_eval": grid[grid.searchsorted(t) :]}
     run = solve_ivp(flow, (t, t_end), y, events=events, **options)
     if samples is not None:
         out.append(run.y)
@@ -70,7 +70,15 @@ def relay(p, t_end, y, options, samples=None):
     driven = way * y[0] < a
     while True:
         flow = right if (way == 1) == driven else left
-        t, y, which = go(flow, t, t_end, y, (turns[way], switches[way]) if driven else turns[way], options, samples)
+        t, y, which = go(
+            flow,
+            t,
+            t_end,
+            y,
+            (turns[way], switches[way]) if driven else turns[way],
+            options,
+            samples,
+        )
         if which is None:
             return Answer(y, instants)
         instants.append(t)
@@ -94,7 +102,9 @@ def stick_slip(p, t_end, y, options, samples=None):
     loose, stop = event(lambda t, y: k * y[0] - Fs, 1), event(lambda t, y: y[1], -1)
     t, sticks, instants = 0.0, y[1] == 0.0, []
     while True:
-        t, y, hit = go(stick if sticks else slip, t, t_end, y, loose if sticks else stop, options, samples)
+        t, y, hit = go(
+            stick if sticks else slip, t, t_end, y, loose if sticks else stop, options, samples
+        )
         if hit is None:
             return Answer(y, instants)
         sticks = not sticks
@@ -121,7 +131,11 @@ def boost(p, t_end, y, options):
     instants = []
     for k in range(round(t_end / Ts)):
         begin, middle, end = k * Ts, k * Ts + p.d * Ts, (k + 1) * Ts
-        whole = {} if options["method"] == "LSODA" else {"first_step": min(middle - begin, end - middle)}  # one step will often do
+        whole = (
+            {}
+            if options["method"] == "LSODA"
+            else {"first_step": min(middle - begin, end - middle)}
+        )  # one step will often do
         y = solve_ivp(on, (begin, middle), y, **options, **whole).y[:, -1]
         run = solve_ivp(diode, (middle, end), y, events=blocks, **options, **whole)
         y = run.y[:, -1]
@@ -133,9 +147,22 @@ def boost(p, t_end, y, options):
 
 
 def contestants(problem: Problem) -> list[Contestant]:
-    solver = {"spiral": spiral, "ball": ball, "relay": relay, "stick_slip": stick_slip, "boost": boost}[problem.name]
+    solver = {
+        "spiral": spiral,
+        "ball": ball,
+        "relay": relay,
+        "stick_slip": stick_slip,
+        "boost": boost,
+    }[problem.name]
 
     def make(method: str):
-        return lambda tol: lambda: solver(problem.p, problem.t_end, problem.start, {"method": method, "rtol": tol, "atol": tol})
+        return lambda tol: (
+            lambda: solver(
+                problem.p,
+                problem.t_end,
+                problem.start,
+                {"method": method, "rtol": tol, "atol": tol},
+            )
+        )
 
     return [Contestant("solve_ivp", method, make(method)) for method in METHODS]
