@@ -25,6 +25,12 @@ __all__ = ["ROOT", "complete", "execute", "found", "named", "pre_save_hook", "st
 
 ROOT = Path(__file__).resolve().parent.parent
 TEMPLATES = Path(__file__).with_name("jupyter") / "nbconvert" / "templates"
+#: What labkit's template of an exported page needs besides nbconvert's own filters
+FILTERS = {
+    "markdown2html": "labkit.page.markdown_to_html",
+    "typeset": "labkit.page.typeset",
+    "contents": "labkit.page.contents",
+}
 WIDGET = "application/vnd.jupyter.widget-view+json"
 #: What the kernel says of itself and is not of this machine or day.
 LANGUAGE = {
@@ -86,7 +92,7 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
     """
     metadata = notebook["metadata"]
     metadata.pop("widgets", None)
-    if "language_info" in metadata:
+    if metadata.get("language_info"):
         metadata["language_info"] = {
             key: value for key, value in metadata["language_info"].items() if key in LANGUAGE
         }
