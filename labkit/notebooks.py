@@ -61,9 +61,7 @@ def named(word: str, folder: str | os.PathLike = ROOT / "notebooks") -> Path:
     for path in (Path(word), Path(f"{word}.ipynb")):
         if path.suffix == ".ipynb" and path.is_file():
             return path
-    names = {
-        path.relative_to(folder).with_suffix("").as_posix(): path for path in found(folder)
-    }
+    names = {path.relative_to(folder).with_suffix("").as_posix(): path for path in found(folder)}
     name = word.removesuffix(".ipynb").removeprefix("notebooks/")
     if name in names:
         return names[name]
@@ -121,7 +119,7 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
 
 
 def complete(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    """complete(notebook) -> the same object, changed in place: what `strip` took, as a reader needs.
+    """complete(notebook) -> the same object, with what a reader needs and `strip` took.
 
     Lab writes the kernel's description into a notebook that is opened, and marks it as changed if
     the file said anything else: so the version, which the file does not keep, is put in before.

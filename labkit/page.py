@@ -28,7 +28,9 @@ __all__ = ["Formulas", "Page", "formula", "markdown_to_html", "page", "typeset"]
 
 _FORMULA = re.compile(r"\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
 #: Code and tags of HTML, in which a $ is no formula
-_NO_TEXT = re.compile(r"(<(?:pre|code|script|style)\b.*?</(?:pre|code|script|style)>|<[^>]*>)", re.DOTALL)
+_NO_TEXT = re.compile(
+    r"(<(?:pre|code|script|style)\b.*?</(?:pre|code|script|style)>|<[^>]*>)", re.DOTALL
+)
 _MATH = LatexToMathML(fancy_error=False)
 
 

@@ -1,4 +1,4 @@
-"""python -m labkit: what it does before there is an environment, what it says when something is missing, what it starts."""
+"""python -m labkit: before there is an environment, when something is missing, what it starts."""
 
 import json
 import os
@@ -27,7 +27,8 @@ def test_only_the_standard_library_is_needed_at_first():
     """Isolated and without site-packages, as on a bare machine."""
     code = (
         f"import sys; sys.path.insert(0, {str(ROOT)!r}); import labkit.__main__\n"
-        "print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names) - {'labkit', '__main__'}))"
+        "names = {name.partition('.')[0] for name in sys.modules}\n"
+        "print(sorted(names - set(sys.stdlib_module_names) - {'labkit', '__main__'}))"
     )
     done = python("-I", "-S", "-c", code)
     assert done.stdout.strip() == "[]", done.stdout + done.stderr
@@ -187,7 +188,8 @@ def test_a_failed_installation_is_tried_again(tmp_path, lock, monkeypatch):
     "last, mend",
     [
         (
-            "WARNING: NewConnectionError('<...>: Failed to establish a new connection: [Errno -2] Name or service not known')",
+            "WARNING: NewConnectionError('<...>: Failed to establish a new connection: "
+            "[Errno -2] Name or service not known')",
             "there is no network",
         ),
         ("ERROR: No matching distribution found for numpy==99", "show these lines to your teacher"),
@@ -239,7 +241,9 @@ def test_lab_opens_the_start_page_with_labkits_settings(became):
 def test_another_program_takes_this_ones_place():
     """So that a signal to `labkit show` is a signal to Voilà."""
     code = "import os; from labkit.__main__ import become; print(os.getpid(), flush=True)\n"
-    code += "import sys; become([sys.executable, '-c', 'import os; print(os.getpid())'], os.environ)"
+    code += (
+        "import sys; become([sys.executable, '-c', 'import os; print(os.getpid())'], os.environ)"
+    )
     mine, its = python("-c", code, cwd=ROOT).stdout.split()
     assert (mine == its) == (os.name != "nt")
 

@@ -1,4 +1,4 @@
-"""What every saved notebook must be (a contract), and the functions that run and strip notebooks."""
+"""What every saved notebook must be (a contract), and what runs, strips and completes them."""
 
 import ast
 import base64
