@@ -88,10 +88,14 @@ def start(command: str, words: list[str]) -> int:
     if command == "test":
         return test(words)
     if command == "run":
+        from .course import refresh
         from .notebooks import execute_all
 
         warm()
-        return min(execute_all(words), 1)
+        failed = execute_all(words)
+        if refresh():
+            print("labkit: notebooks/start.ipynb lists the notebooks that there are now")
+        return min(failed, 1)
     if command == "page":
         return page(words)
     return 0  # setup

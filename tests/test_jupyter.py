@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import secrets
+import shutil
 import signal
 import socket
 import subprocess
@@ -22,7 +23,8 @@ import pytest
 from labkit import __main__ as main
 from labkit.notebooks import WIDGET
 
-from .helpers import ROOT
+from .helpers import FOLDER, ROOT
+from .lab import open_notebook, run_all, running_lab
 
 TOKEN = secrets.token_hex(16)
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
@@ -189,3 +191,37 @@ def test_show_dies_with_all_its_children(shown, how):
     server.send_signal(how)
     assert server.wait(20) in (0, -how)
     assert until(lambda: not any(one.is_running() for one in children))
+
+
+# ---- the start page, in a JupyterLab
+
+
+@pytest.fixture
+def lab(tmp_path):
+    shutil.copytree(FOLDER, tmp_path / "notebooks")
+    with running_lab(tmp_path) as lab:
+        yield lab
+
+
+def test_the_start_page_finds_by_a_word_and_ends_at_the_chooser(lab, browser):
+    view = browser.new_page(viewport={"width": 1366, "height": 768})
+    view.set_default_timeout(90_000)
+    open_notebook(view, lab, "start")
+    tab = view.locator(".lm-TabBar-tab.jp-mod-current")
+    for ran in (False, True):
+        if ran:
+            run_all(view)
+            slider = view.locator(".widget-slider")
+            slider.wait_for()
+            time.sleep(1)  # for a page that would still scroll
+            box = slider.bounding_box()
+            assert 0 < box["y"] < 600, box
+            assert view.get_by_role("columnheader", name="what to do").bounding_box()["y"] < 768
+        view.locator(".jp-Notebook").click(position={"x": 5, "y": 5})
+        view.keyboard.press("Control+f")
+        view.locator(".jp-DocumentSearch-input").first.fill("converter")
+        count = view.locator(".jp-DocumentSearch-index-counter")
+        assert until(lambda: count.inner_text().strip() not in ("-/-", "0/0", ""))
+        view.keyboard.press("Escape")
+        assert ("jp-mod-dirty" in tab.get_attribute("class")) == ran
+    view.close()
