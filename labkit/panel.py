@@ -31,7 +31,7 @@ from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
 from .draw.sketch import Motion
 from .draw.view import Together
-from .model import ModelError, System, listed, number
+from .model import ModelError, System, listed, number, unambiguous
 from .run import Run
 from .solve import FIXED_STEP, simulate
 
@@ -413,6 +413,7 @@ class Panel(anywidget.AnyWidget):
         return f"Saved {path}"
 
 
+@unambiguous
 def explore(
     system: System,
     horizon: float,

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
+from ..model import ModelError
 from .figure import Figure
 
 __all__ = ["Shows", "Together", "View", "Window"]
@@ -82,10 +83,19 @@ class View:
 
 
 class Together(View):
-    """Together(view, view): several views that were drawn into one figure, as one view."""
+    """Together(view, view): several views that were drawn into one figure, as one view.
+
+    Raises ModelError when they were drawn into different figures.
+    """
 
     def __init__(self, *views: View):
         self.views, self.figure = views, views[0].figure
+        for k, view in enumerate(views):
+            if getattr(view, "figure", self.figure) is not self.figure:
+                raise ModelError(
+                    f"view {k + 1} of {len(views)}, {view!r:.60}, was drawn into another figure "
+                    "than the first: make fig = figure(…) once and give each view axes=fig.axes[k]"
+                )
 
     @property
     def artists(self) -> list[Artist]:  # type: ignore[override]
