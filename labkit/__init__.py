@@ -30,6 +30,7 @@ _HOMES = {
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",
     "answers": "Check check",
+    "sweep": "Sweep sweep",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "panel": "explore",
     "course": "assignment catalogue choose project",
