@@ -39,8 +39,8 @@ __all__ = [
     "OPTIONS",
 ]
 
-#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may
-#: not be called so.
+#: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
+#: parameter may not be called so.
 OPTIONS = frozenset(
     {
         "system",
@@ -64,6 +64,9 @@ OPTIONS = frozenset(
         "title",
         "horizon",
         "dense",
+        "executor",
+        "progress",
+        "accept",
     }
 )
 
@@ -562,8 +565,7 @@ class System:
                 f"{listed(unknown)} is neither a part of System nor a parameter of {self.name!r}; "
                 f"there are {listed(self.parameters)}"
             )
-        old_states = {key: (self.units[key], self.meanings[key]) for key in self.states}
-        new_states = _changed(old_states, states, "states")
+        new_states = _changed(self._described, states, "states")
         made = dict(_changed(self.parameters, parameters, "parameters"))
         for key, value in (made | values).items():
             if not isinstance(value, Parameter) and key in self.parameters:
@@ -583,6 +585,17 @@ class System:
         first = mode if mode is not None else self.mode if known else None
         unit = self.time if time is None else time
         return System(name, new_states, made, new_modes, kept, begin, first, shown, unit, lasting)
+
+    @property
+    def _described(self) -> dict[str, tuple[str, str]]:
+        """The states as they were given."""
+        return {key: (self.units[key], self.meanings[key]) for key in self.states}
+
+    def __reduce__(self) -> tuple:
+        start = {key: value for key, value in self.start.items() if key not in self.held}
+        modes = tuple(self.modes.values())
+        given = (self.name, self._described, self.parameters, modes, self.transitions)
+        return System, (*given, start, self.mode, self.outputs, self.time, self.held)
 
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str
