@@ -25,6 +25,9 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import signature
+from typing import Any
 
 __all__ = [
     "At",
@@ -37,6 +40,7 @@ __all__ = [
     "System",
     "Transition",
     "OPTIONS",
+    "unambiguous",
 ]
 
 #: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
@@ -85,6 +89,34 @@ class ModelError(ValueError):
 
 def listed(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
+
+
+def unambiguous(function: Callable) -> Callable:
+    """@unambiguous above a function of a System or a Run (or several, by name) and options.
+
+    A name that is both one of the options and a parameter of the system is refused when it is
+    given: one could not tell which is meant.
+    """
+    own = {
+        name
+        for name, each in signature(function).parameters.items()
+        if each.kind != each.VAR_KEYWORD
+    }
+
+    @wraps(function)
+    def checked(*given: Any, **named: Any) -> Any:
+        first = given[0] if given else next(iter(named.values()), None)
+        for one in first.values() if isinstance(first, Mapping) else (first,):
+            system = getattr(one, "system", one)
+            known = getattr(system, "parameters", ())
+            if clash := [name for name in named if name in own and name in known]:
+                raise ModelError(
+                    f"{listed(clash)} is an option of {function.__name__} and a parameter of "
+                    f"{system.name!r}: one cannot tell which is meant: rename the parameter"
+                )
+        return function(*given, **named)
+
+    return checked
 
 
 def number(value: object, what: str) -> float:
