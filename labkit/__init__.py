@@ -25,11 +25,11 @@ _HOMES = {
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",
     "table": "Table",
-    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
+    "draw": "COLORS Handle Motion Sketch View curves figure mode_colors phase_portrait planes "
+    "time_plot",
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",
     "answers": "Check check",
-    "show": "Table",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "panel": "explore",
     "course": "assignment catalogue choose project",

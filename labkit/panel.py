@@ -25,6 +25,7 @@ import numpy as np
 import traitlets
 
 from .controls import Control, controls_of, rounded
+from .draw.curves import Curves
 from .draw.figure import CSS_DPI
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
@@ -520,8 +521,8 @@ def explore(
     )
     view = (draw or _time_and_phase)(run)
     view = Together(*view) if isinstance(view, tuple | list) else view
-    for part in getattr(view, "views", ()):
-        if isinstance(part, Handle | Motion):
+    for part in getattr(view, "views", (view,)):
+        if isinstance(part, Handle | Motion | Curves):
             part.update(run)
     panel = Panel(
         title or system.name,

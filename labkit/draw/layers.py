@@ -21,6 +21,7 @@ from ..run import Run
 from ..runs import Runs
 from .figure import DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
 from .plane import GRID, Limits, Plane, contour, find_equilibria
+from .private import reshape
 from .time import _jumps, _segments
 from .view import View
 
@@ -539,7 +540,7 @@ class Trajectories(Layer):
         ) * [(x1 - x0) / shape, y1 - y0] + [x0, y0]
         for i, head in enumerate(self.heads):
             mine = corners[modes[at] == i]
-            head.set_path(Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
+            reshape(head, Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
 
     def legend(self) -> list[tuple[Artist, str]]:
         looks = zip(self.colors.items(), self.dashes, strict=True)

@@ -36,6 +36,7 @@ from .figure import (
     symbol,
     tint,
 )
+from .private import reshape
 from .view import Shows, View, Window, extent
 
 __all__ = ["TimePlot", "time_plot"]
@@ -391,7 +392,7 @@ class _Modes:
         few = len(index) <= FEW
         height = 1.0 if few else 0.035
         for i, (patch, color) in enumerate(zip(self.artists, self.colors.values(), strict=True)):
-            patch.set_path(_boxes(left[index == i], right[index == i], height))
+            reshape(patch, _boxes(left[index == i], right[index == i], height))
             patch.set_facecolor(
                 (*to_rgb(color), BANDS[i % len(BANDS)] if few else 0.8)
             )  # see-through: a panel may draw it over the grid
