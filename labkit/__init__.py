@@ -31,6 +31,7 @@ _HOMES = {
     "true_error",
     "answers": "Check check",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
+    "families": "decomposition describe family",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }
