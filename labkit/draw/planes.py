@@ -26,7 +26,7 @@ from .view import Shows, View
 __all__ = ["Planes", "arrow_heads", "flow_lines", "planes"]
 
 Parts = Callable[[tuple], tuple[np.ndarray, Similarity]]
-#: a letter F, since no turn makes it its mirror image; for a picture that reaches from −6 to 6
+#: a letter F, since no turn makes it its mirror image; for a picture that reaches from −8 to 8
 FLAG = (
     np.array(
         [
@@ -131,7 +131,7 @@ class Planes(View):
             draw = (self.axes[1].axvspan, self.axes[1].axhspan)[across]
             for end, far in zip(ends, (-1e4, 1e4), strict=True):
                 if end is not None:
-                    band = draw(end, end + far, color=tint(FAINT, 0.45), linewidth=0, zorder=0.5)
+                    band = draw(end, end + far, color=tint(FAINT, 0.3), linewidth=0, zorder=0.5)
         return band
 
     def update(self, run: Run) -> None:
@@ -160,7 +160,7 @@ class Planes(View):
                 arrows,
                 path,
                 reach,
-                self.reach[0] / 6,
+                self.reach[0] / 8,
             )
         half = self.reach[1] / 2
         self.relimited = self._center is None or bool(
@@ -231,7 +231,7 @@ class _Side:
         def show(line: Line2D, points: np.ndarray) -> None:
             line.set_data(*(points @ T.T + origin).T)
 
-        show(self.lattice, _lattice(2.0 ** np.round(np.log2(6 * unit / 4))))
+        show(self.lattice, _lattice(2.0 ** np.round(np.log2(2 * unit))))
         self.flag.set_xy(unit * FLAG @ T.T + origin)
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
