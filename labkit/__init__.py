@@ -30,6 +30,7 @@ _HOMES = {
     "answers": "Check check",
     "show": "Table",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
+    "characteristics": "Branch Characteristic characteristic from_points",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }
