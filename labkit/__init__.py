@@ -24,11 +24,13 @@ _HOMES = {
     "solve": "METHODS simulate simulate_many",
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",
-    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
+    "table": "Table",
+    "draw": "COLORS Handle Motion Sketch View curves figure mode_colors phase_portrait planes "
+    "time_plot",
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",
     "answers": "Check check",
-    "show": "Table",
+    "sweep": "Sweep sweep",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "characteristics": "Branch Characteristic characteristic from_points",
     "panel": "explore",

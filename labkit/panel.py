@@ -25,12 +25,13 @@ import numpy as np
 import traitlets
 
 from .controls import Control, controls_of, rounded
+from .draw.curves import Curves
 from .draw.figure import CSS_DPI
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
 from .draw.sketch import Motion
 from .draw.view import Together
-from .model import ModelError, System, listed, number
+from .model import ModelError, System, listed, number, unambiguous
 from .run import Run
 from .solve import FIXED_STEP, simulate
 
@@ -412,6 +413,7 @@ class Panel(anywidget.AnyWidget):
         return f"Saved {path}"
 
 
+@unambiguous
 def explore(
     system: System,
     horizon: float,
@@ -520,8 +522,8 @@ def explore(
     )
     view = (draw or _time_and_phase)(run)
     view = Together(*view) if isinstance(view, tuple | list) else view
-    for part in getattr(view, "views", ()):
-        if isinstance(part, Handle | Motion):
+    for part in getattr(view, "views", (view,)):
+        if isinstance(part, Handle | Motion | Curves):
             part.update(run)
     panel = Panel(
         title or system.name,

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from ..linear import affine, borders, eigenlines, equilibrium, exact
-from ..model import ModelError
+from ..model import ModelError, unambiguous
 from ..run import Run
 from ..similarity import Similarity
 from .figure import COLORS, INK, figure, head, style, symbol, tint
@@ -45,6 +45,7 @@ FLAG = (
 )
 
 
+@unambiguous
 def planes(
     run: Run,
     parts: Parts,
