@@ -1,9 +1,8 @@
-"""Equilibria made to measure.
-
-Canonical forms, the four similarity transformations of part 1, and whether a design meets its task.
+"""Equilibria made to measure: canonical forms, the four similarity transformations of part 1, and
+whether a design meets its task.
 
     A, b = design(canonical("stable node", -1, -3), matrix_a(u=(0, 1), v=(2, 0)), at=(1, 2))
-    check_design(A, b, S, "stable node", "matrix A")  # what is right and what is wrong, in words
+    check_design(A, b, S, "stable node", "matrix A")  # prints what is right and what is wrong
 
 A = S Λ S⁻¹ has the eigenvalues of Λ, and so its type; b = −A s* puts the equilibrium at s*. In
 z = S⁻¹ (s − s*) the motion is canonical, dz/dt = Λ z.
@@ -47,15 +46,13 @@ _NEEDS = {
 def canonical(kind: str, *numbers: float) -> np.ndarray:
     """canonical("stable node", -1, -3) -> Λ = diag(−1, −3).
 
-    Kinds are named as by `classify`; "elliptic point" is a centre.
-
-    node, saddle: (λ1, λ2) -> diag(λ1, λ2) · star: (λ0) -> λ0 E ·
-    improper node: (λ0) -> [[λ0, 0], [1, λ0]] ·
-    spiral point: (α, β) -> [[α, β], [−β, α]] · centre: (β).
-    Raises ModelError, with the type that they would make, for numbers that do not fit.
+    Kinds as `classify` names them; "elliptic point" is a centre.
+    node, saddle: (λ1, λ2) -> diag(λ1, λ2) · star: (λ0) -> λ0 E · improper node: (λ0) -> [[λ0, 0],
+    [1, λ0]] · spiral point: (α, β) -> [[α, β], [−β, α]] · centre: (β). Raises ModelError, with the
+    type that they would make, for numbers that do not fit.
     """
     kind = _kind(kind)
-    un, _, base = kind.rpartition("stable ")
+    un, base = kind.rpartition("stable ")[0], base_of(kind)
     count, need = _NEEDS[base]
     need = need.format(sign="positive" if un else "negative")
     if len(numbers) != count:
@@ -80,6 +77,11 @@ def canonical(kind: str, *numbers: float) -> np.ndarray:
     return Lambda
 
 
+def base_of(kind: str) -> str:
+    """base_of("unstable node") -> "node"; ModelError for a type that there is not."""
+    return _kind(kind).rpartition("stable ")[2]
+
+
 def _kind(kind: str) -> str:
     known = [
         *(f"{s}stable {k}" for k in _NEEDS if k not in ("saddle", "centre") for s in ("", "un")),
@@ -101,7 +103,7 @@ def _a(kind: str) -> str:
 
 
 class Similarity(NamedTuple):
-    """S, inverse = matrix_a(u, v): z = S⁻¹ (s − s*), and the inverse in closed form."""
+    """S, inverse = matrix_a(u, v): a similarity transformation and its inverse."""
 
     S: np.ndarray
     inverse: np.ndarray
@@ -116,9 +118,8 @@ def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
     d = float(u @ v)
     if abs(d) > 1e-12 * np.hypot(*u) * np.hypot(*v):
         raise ModelError(
-            f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not "
-            "the inverse of E + u vᵀ. "
-            f"Take v = k (u2, −u1) with any k, or use matrix_b, which allows it"
+            f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the "
+            "inverse of E + u vᵀ. Take v = k (u2, −u1) with any k, or use matrix_b, which allows it"
         )
     return Similarity(E + np.outer(u, v), E - np.outer(u, v))
 
@@ -126,9 +127,8 @@ def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
 def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
     """matrix_b(u=(1, 0), v=(2, 1)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ/(1 + d), d = (u, v).
 
-    Raises ModelError for d = −1.
-
     det S = 1 + d: areas grow by this factor, and for d < −1 the plane is turned over as well.
+    Raises ModelError for d = −1.
     """
     u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
     d = float(u @ v)
@@ -141,9 +141,9 @@ def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
 
 
 def reflection(u: ArrayLike) -> Similarity:
-    """reflection(u=(1, -1)) -> S = S⁻¹ = E − γ u uᵀ, γ = 2/(uᵀu): Householder's.
+    """reflection(u=(1, -1)) -> S = S⁻¹ = E − γ u uᵀ, γ = 2/(uᵀu), Householder's.
 
-    The mirror line is at right angles to u ≠ 0.
+    The mirror line is at right angles to u. Raises ModelError for u = 0.
     """
     u = finite(u, (2,), "u")
     if not np.any(u):
@@ -156,7 +156,7 @@ def reflection(u: ArrayLike) -> Similarity:
 def rotation(phi: float) -> Similarity:
     """rotation(np.pi/6) -> S = [[cos φ, −sin φ], [sin φ, cos φ]], Givens', and S⁻¹ = Sᵀ.
 
-    φ is in radians, counter-clockwise.
+    φ in radians, counter-clockwise.
     """
     phi = number(phi, "phi")
     G = np.array([[cos(phi), -sin(phi)], [sin(phi), cos(phi)]])
@@ -166,7 +166,7 @@ def rotation(phi: float) -> Similarity:
 def design(
     Lambda: ArrayLike, similarity: Similarity, at: ArrayLike = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A, b = design(canonical("saddle", 1, -2), rotation(0.5), at=(1, 2)).
+    """A, b = design(canonical("saddle", 1, -2), rotation(0.5), at=(1, 2))
 
     A = S Λ S⁻¹ and b = −A s* put the equilibrium s* there.
     """
@@ -209,12 +209,12 @@ def check_design(
     at: ArrayLike | None = None,
     tolerance: float = 1e-9,
 ) -> Review:
-    """check_design(A, b, S, "stable node", "matrix A") -> Review: is it right, and if not, why?
+    """check_design(A, b, S, "stable node", "matrix A") -> Review
 
-    Do A, b and S meet an assignment of part 1? Looks at the type of A, the equilibrium (and whether
-    it lies `at` the wanted point), the form of S (`by` is "matrix A", "matrix B",
-    "reflection" or "rotation") and whether S⁻¹ A S is the canonical form.
-    Raises ModelError for input that is not 2 × 2 or a name that is unknown.
+    Do A, b and S meet an assignment of part 1, and if not, why? Looks at the type of A, the
+    equilibrium (and whether it lies `at` the wanted point), the form of S (`by` is "matrix A",
+    "matrix B", "reflection" or "rotation") and whether S⁻¹ A S is the canonical form. Raises
+    ModelError for input that is not 2 × 2 or a name that is unknown.
     """
     A, b, S, kind = (
         finite(A, (2, 2), "A"),
@@ -290,8 +290,8 @@ def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
         if np.abs(S.T @ S - E).max() > slack:
             return (
                 False,
-                f"S is no {by}: its columns are not unit vectors at right angles, SᵀS = "
-                f"{np.round(S.T @ S, 4).tolist()}",
+                f"S is no {by}: its columns are not unit vectors at right angles, "
+                f"SᵀS = {np.round(S.T @ S, 4).tolist()}",
             )
         turns = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0] > 0
         return turns == (

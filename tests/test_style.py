@@ -10,14 +10,17 @@ from .helpers import ROOT
 # Rooms that have been put in order; the others follow when they are next touched
 CLEAN = [
     *(
+        "cycles",
         "ledger",
         "model",
+        "poincare",
         "portions",
         "progress",
         "rebind",
         "run",
         "runs",
-        "sweep",
+        "shooting",
+        "sweeps",
         "table",
         "trace",
     ),
@@ -26,7 +29,13 @@ CLEAN = [
 PATHS = [
     *(f"labkit/{name}" if name == "solve" else f"labkit/{name}.py" for name in CLEAN),
     *("tests/coincidences", "tests/test_coincidences.py", "tests/test_style.py"),
-    *("labkit/draw/maps.py", "tests/test_sweep.py", "tests/test_table.py", "tests/test_variant.py"),
+    *(
+        "labkit/draw/maps.py",
+        "tests/test_cycles.py",
+        "tests/test_sweep.py",
+        "tests/test_table.py",
+        "tests/test_variant.py",
+    ),
 ]
 
 

@@ -19,7 +19,7 @@ from ..model import ModelError, listed
 from .figure import COLORS, DASHES, FAINT, HALO, INK, Figure, figure, head, symbol, tint
 
 if TYPE_CHECKING:
-    from ..sweep import Sweep
+    from ..sweeps import Sweep
 
 __all__ = ["picture"]
 
