@@ -359,6 +359,18 @@ def test_three_axes_are_maps_side_by_side():
         many.picture()
 
 
+def test_an_axis_at_equal_distances():
+    x = np.array([0.9, 0.99, 0.999, 1.001, 1.01, 1.1])
+    m = sweep(oscillator, 6.0, ending, x=x, delta=[0.1, 0.2])
+    axes = m.picture("x", "delta", even=["x"]).axes[0]
+    assert [tick.get_text() for tick in axes.get_xticklabels()][:2] == ["0.9", "0.99"]
+    assert axes.get_xlim() == (-0.5, 5.5)
+    with pytest.raises(ModelError, match="the sweep has no axis 'y'"):
+        m.picture(even=["y"])
+    with pytest.raises(ModelError, match="must rise or fall: sort them"):
+        sweep(oscillator, 6.0, ending, x=[1.0, 0.5, 0.7], delta=[0.1, 0.2]).picture()
+
+
 # ---- progress
 
 
