@@ -22,6 +22,7 @@ CLEAN = [
         "shooting",
         "sweeps",
         "table",
+        "variant",
         "trace",
     ),
     "solve",

@@ -3,7 +3,10 @@
 import csv
 import pickle
 import sys
+from _thread import interrupt_main
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from threading import Timer
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -224,6 +227,18 @@ def test_an_interrupt_keeps_what_there_is(monkeypatch, where):
     done = int(np.nansum(m.values))
     assert 3 <= done < 20 and len(m.reasons) == 20 - done
     assert set(m.reasons.values()) == {"not computed: interrupted"}
+
+
+def test_an_interrupt_from_the_keyboard_is_heard(monkeypatch):
+    monkeypatch.setattr(portions_module, "FIRST", 5)
+
+    def slow(run):
+        sleep(0.01)
+        return 1.0
+
+    Timer(0.3, interrupt_main).start()
+    m = sweep(oscillator, 0.1, slow, delta=np.linspace(0, 1, 2000), rtol=[1e-4])
+    assert 0 < np.nansum(m.values) < 1000
 
 
 def test_portions_keep_the_memory_bounded(monkeypatch):
