@@ -34,6 +34,7 @@ _HOMES = {
     "poincare": "Section section",
     "cycles": "Cycle Monodromy monodromy periodic",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
+    "families": "decomposition describe family",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }

@@ -71,7 +71,11 @@ def split(words: list[str]) -> tuple[str, list[str]]:
     close = difflib.get_close_matches(words[0].lower(), COMMANDS)
     raise SetupError(
         f"there is no command {words[0]!r}"
-        + (f"; did you mean {' or '.join(close)}?" if close else f"; there are {', '.join(COMMANDS)}")
+        + (
+            f"; did you mean {' or '.join(close)}?"
+            if close
+            else f"; there are {', '.join(COMMANDS)}"
+        )
     )
 
 
@@ -84,10 +88,14 @@ def start(command: str, words: list[str]) -> int:
     if command == "test":
         return test(words)
     if command == "run":
+        from .course import refresh
         from .notebooks import execute_all
 
         warm()
-        return min(execute_all(words), 1)
+        failed = execute_all(words)
+        if refresh():
+            print("labkit: notebooks/start.ipynb lists the notebooks that there are now")
+        return min(failed, 1)
     if command == "page":
         return page(words)
     return 0  # setup
@@ -273,8 +281,7 @@ def warm() -> None:
         compile_engine(progress=lambda text: print(f"labkit: {text}", flush=True))
     except Exception as error:  # the workbook runs without, only slower
         print(
-            f"labkit: the engine could not be compiled ({error}); "
-            "simulations run in plain Python",
+            f"labkit: the engine could not be compiled ({error}); simulations run in plain Python",
             flush=True,
         )
 

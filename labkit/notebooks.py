@@ -25,6 +25,12 @@ __all__ = ["ROOT", "complete", "execute", "found", "named", "pre_save_hook", "st
 
 ROOT = Path(__file__).resolve().parent.parent
 TEMPLATES = Path(__file__).with_name("jupyter") / "nbconvert" / "templates"
+#: What labkit's template of an exported page needs besides nbconvert's own filters
+FILTERS = {
+    "markdown2html": "labkit.page.markdown_to_html",
+    "typeset": "labkit.page.typeset",
+    "contents": "labkit.page.contents",
+}
 WIDGET = "application/vnd.jupyter.widget-view+json"
 #: What the kernel says of itself and is not of this machine or day.
 LANGUAGE = {
@@ -55,9 +61,7 @@ def named(word: str, folder: str | os.PathLike = ROOT / "notebooks") -> Path:
     for path in (Path(word), Path(f"{word}.ipynb")):
         if path.suffix == ".ipynb" and path.is_file():
             return path
-    names = {
-        path.relative_to(folder).with_suffix("").as_posix(): path for path in found(folder)
-    }
+    names = {path.relative_to(folder).with_suffix("").as_posix(): path for path in found(folder)}
     name = word.removesuffix(".ipynb").removeprefix("notebooks/")
     if name in names:
         return names[name]
@@ -86,7 +90,7 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
     """
     metadata = notebook["metadata"]
     metadata.pop("widgets", None)
-    if "language_info" in metadata:
+    if metadata.get("language_info"):
         metadata["language_info"] = {
             key: value for key, value in metadata["language_info"].items() if key in LANGUAGE
         }
@@ -115,7 +119,7 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
 
 
 def complete(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    """complete(notebook) -> the same object, changed in place: what `strip` took, as a reader needs.
+    """complete(notebook) -> the same object, with what a reader needs and `strip` took.
 
     Lab writes the kernel's description into a notebook that is opened, and marks it as changed if
     the file said anything else: so the version, which the file does not keep, is put in before.

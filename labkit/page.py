@@ -21,16 +21,16 @@ from math_core import LatexError, LatexToMathML
 from nbconvert.exporters import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 
-from .notebooks import TEMPLATES
+from .notebooks import FILTERS, TEMPLATES
 from .run import _write
 
-__all__ = ["Formulas", "Page", "formula", "markdown_to_html", "page"]
+__all__ = ["Formulas", "Page", "formula", "markdown_to_html", "page", "typeset"]
 
-#: What the template needs besides nbconvert's own filters.
-FILTERS = {
-    "markdown2html": "labkit.page.markdown_to_html",
-    "contents": "labkit.page.contents",
-}
+_FORMULA = re.compile(r"\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
+#: Code and tags of HTML, in which a $ is no formula
+_NO_TEXT = re.compile(
+    r"(<(?:pre|code|script|style)\b.*?</(?:pre|code|script|style)>|<[^>]*>)", re.DOTALL
+)
 _MATH = LatexToMathML(fancy_error=False)
 
 
@@ -68,6 +68,16 @@ def markdown_to_html(context: Any, source: str) -> str:
         path=resources.get("metadata", {}).get("path", ""),
     )
     return MarkdownWithMath(renderer=writer).render(source)
+
+
+def typeset(text: str) -> str:
+    """typeset("<td>$x^2$</td>") -> the same HTML, the formulas of its text as MathML; a filter."""
+    pieces = _NO_TEXT.split(text)
+    pieces[::2] = [
+        _FORMULA.sub(lambda m: formula(html.unescape(m[1] or m[2]), bool(m[1])), piece)
+        for piece in pieces[::2]
+    ]
+    return "".join(pieces)
 
 
 def contents(notebook: Any) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from ..model import ModelError
 from .figure import Figure
 
-__all__ = ["Shows", "Together", "View", "Window"]
+__all__ = ["Only", "Shows", "Together", "View", "Window"]
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,31 @@ class Shows:
         return self.x != "t"
 
     def curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """show.curve(run, "x") -> the curve of that name, to the right and upwards."""
+        """show.curve(run, "x") -> the curve of that name, to the right and upwards.
+
+        Of several runs by name, one after the other, NaN between them.
+        """
         if self.data is not None:
             return self.data(run, name)
+        if isinstance(run, Mapping):
+            pairs = [self.curve(one, name) for one in run.values() if self._has(one, name)]
+            gap = np.full(1, np.nan)
+            x, y = ([part for pair in pairs for part in (pair[k], gap)] for k in (0, 1))
+            return (np.concatenate(x), np.concatenate(y)) if pairs else (gap, gap)
         return (run.t if self.x == "t" else run[self.x]), run[name]
+
+    def _has(self, run: Any, *names: str) -> bool:
+        known = {"t", *run.system.units, *run.system.outputs}
+        return {self.x, *names} <= known
 
     def points(self, run: Any, t: float) -> list[tuple[float, float]]:
         """show.points(run, t) -> where its curves are at the instant t."""
         if self.data is not None:
             made = (self.data(run, name) for name in self.names)
             return [(t, float(np.interp(t, x, y))) for x, y in made if len(x)]
+        if isinstance(run, Mapping):
+            live = [one for one in run.values() if one.t[0] <= t <= one.t[-1] and self._has(one)]
+            return [point for one in live for point in self.points(one, t)]
         values = {"t": t, **run.at(t)}
         names = [name for name in self.names if name in values and self.x in values]
         return [(values[self.x], values[name]) for name in names]
@@ -114,6 +129,21 @@ class Together(View):
         for view in self.views:
             if hasattr(view, "at"):
                 view.at(run, t)
+
+
+class Only(View):
+    """Only("plain", view): a view that is given several runs by name and shows one of them."""
+
+    def __init__(self, name: str, view: View):
+        self.name, self.view, self.figure = name, view, view.figure
+        self.artists, self.shows = view.artists, ()
+
+    def update(self, run: Any) -> None:
+        self.view.update(run[self.name])
+        self.relimited = self.view.relimited
+
+    def at(self, run: Any, t: float) -> None:
+        self.view.at(run[self.name], t)
 
 
 class Window:

@@ -12,7 +12,7 @@ import inspect
 from collections.abc import Awaitable
 from typing import Any
 
-from ..notebooks import TEMPLATES, complete, pre_save_hook
+from ..notebooks import FILTERS, TEMPLATES, complete, pre_save_hook
 
 
 def _jupyter_server_extension_points() -> list[dict[str, str]]:
@@ -32,10 +32,7 @@ def _load_jupyter_server_extension(server: Any) -> None:
     contents.get = get
     server.config.HTMLExporter.template_name = "labkit"
     server.config.TemplateExporter.extra_template_basedirs = [str(TEMPLATES)]
-    server.config.HTMLExporter.filters = {
-        "markdown2html": "labkit.page.markdown_to_html",
-        "contents": "labkit.page.contents",
-    }
+    server.config.HTMLExporter.filters = FILTERS
 
 
 async def _later(model: Awaitable[dict[str, Any]]) -> dict[str, Any]:

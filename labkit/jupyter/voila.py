@@ -2,6 +2,7 @@
 
 from voila.exporter import VoilaMarkdownRenderer
 
+from labkit.notebooks import FILTERS
 from labkit.page import Formulas
 
 c = get_config()  # type: ignore[name-defined]  # noqa: F821  (Jupyter hands it in)
@@ -16,6 +17,8 @@ def give_cookie(handler, notebook, cwd):
     handler.xsrf_token  # noqa: B018  (reading it sets the cookie)
 
 
+# Voilà's own filter for Markdown finds pictures in the notebook's folder.
+c.VoilaExporter.filters = {name: FILTERS[name] for name in FILTERS if name != "markdown2html"}
 c.VoilaExporter.markdown_renderer_class = Renderer
 c.VoilaConfiguration.prelaunch_hook = give_cookie
 
