@@ -154,12 +154,12 @@ def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
     return axes.text(
         0,
         0,
-        words,
+        words.replace("\\frac", "\\dfrac"),  # as large as the words beside it
         ha="center",
         va="center",
         fontsize=size,
         color=INK,
-        linespacing=2.0 if "\\frac" in words else 1.25,
+        linespacing=2.3 if "\\frac" in words else 1.25,
         zorder=5,
         **options,
     )

@@ -31,6 +31,7 @@ from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
 from .draw.sketch import Motion
 from .draw.view import Only, Together
+from .draw.words import described
 from .model import ModelError, System, listed, number, unambiguous
 from .run import Run
 from .several import Merged, Several
@@ -662,25 +663,8 @@ def _verdicts(runs: Several) -> str:
 
 
 def _in_words(figure: Any, title: str) -> str:
-    """The alternative text of a picture: what its axes show, "x, v [m] over t [s]"."""
-
-    def plain(text: str) -> str:
-        return re.sub(r"\\(?:mathrm|dot)|[${}]", "", text).replace("\\", "")
-
-    axes = [
-        ", ".join(
-            filter(
-                None,
-                [
-                    plain(ax.get_title("left")),
-                    f"{plain(ax.get_ylabel())} over {plain(ax.get_xlabel())}",
-                ],
-            )
-        )
-        for ax in figure.axes
-        if ax.get_ylabel()
-    ]
-    return f"{title}: " + "; ".join(axes)
+    """The alternative text of a picture in a panel."""
+    return f"{title}: {described(figure)}"
 
 
 def _time_and_phase(run: Run) -> View:

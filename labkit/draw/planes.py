@@ -19,7 +19,7 @@ from ..linear import affine, borders, eigenlines, equilibrium, exact
 from ..model import ModelError, unambiguous
 from ..run import Run
 from ..similarity import Similarity
-from .figure import COLORS, INK, figure, head, style, symbol, tint
+from .figure import COLORS, INK, figure, head, label, style, tint
 from .view import View
 
 __all__ = ["Planes", "arrow_heads", "flow_lines", "planes"]
@@ -100,8 +100,10 @@ class Planes(View):
                 [(self._sides[0].eigen, "eigenvectors")] if single else [],
             )
             head(self.axes[1], "s-plane: through S", [(self._sides[1].run, "simulated")])
-            self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
-            self.axes[1].set(xlabel=symbol(first), ylabel=symbol(second))
+            units = {self.system.unit(name) for name in (first, second)}
+            of_z = f" [{units.pop()}]" if len(units) == 1 and units != {""} else ""
+            self.axes[0].set(xlabel=f"$z_1${of_z}", ylabel=f"$z_2${of_z}")
+            self.axes[1].set(xlabel=label(self.system, first), ylabel=label(self.system, second))
         for ax in self.axes:
             ax.set_aspect("equal", adjustable="box")
             ax.grid(False)
@@ -127,6 +129,7 @@ class Planes(View):
         ):
             side.set(
                 T,
+                self._flag(S),
                 origin,
                 np.asarray(Lambda, dtype=float),
                 curves,
@@ -146,6 +149,11 @@ class Planes(View):
             ):
                 ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
 
+    def _flag(self, S: np.ndarray) -> float:
+        """How large the F is in the z-plane: its image reaches over two thirds of a half at most."""
+        far = np.hypot(*(FLAG @ np.asarray(S, dtype=float).T).T).max()
+        return min(self.reach[0] / 6, 0.67 * self.reach[1] / far)
+
 
 class _Side:
     """One plane: what is drawn in it, and how it follows a transformation s = T z + origin."""
@@ -154,10 +162,16 @@ class _Side:
         def line(**look: object) -> Line2D:
             return ax.add_line(Line2D([], [], **look))  # type: ignore[arg-type]
 
-        self.lattice = line(color=tint(COLORS[5], 0.45), linewidth=0.7, zorder=1)
+        self.lattice = line(color=tint(COLORS[5], 0.75), linewidth=0.8, zorder=1)
         self.flag = ax.add_patch(
             Polygon(
-                FLAG, closed=True, facecolor=tint(COLORS[4], 0.55), edgecolor="none", zorder=1.2
+                FLAG,
+                closed=True,
+                facecolor=tint(COLORS[4], 0.6),
+                edgecolor=tint("#8A5F00", 0.9),
+                linewidth=1.2,
+                joinstyle="round",
+                zorder=2.15,
             )
         )
         self.curves = line(color=COLORS[0], linewidth=1.0, zorder=2)
@@ -188,6 +202,7 @@ class _Side:
     def set(
         self,
         T: np.ndarray,
+        flag: float,
         origin: np.ndarray,
         Lambda: np.ndarray,
         curves: np.ndarray,
@@ -200,7 +215,7 @@ class _Side:
             line.set_data(*(points @ T.T + origin).T)
 
         show(self.lattice, _lattice(2.0 ** np.round(np.log2(6 * unit / 4))))
-        self.flag.set_xy(unit * FLAG @ T.T + origin)
+        self.flag.set_xy(flag * FLAG @ T.T + origin)
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
         self.arrows.set_data(*(arrow_heads(at, way, 0.05 * reach) + origin).T)

@@ -32,6 +32,7 @@ from matplotlib.transforms import Affine2D, Transform
 from PIL import Image
 
 from .figure import CSS_DPI, style
+from .private import measure_as
 
 __all__ = ["Recorder", "Scene"]
 
@@ -47,10 +48,7 @@ class Recorder(RendererBase):
         super().__init__()
         self.agg, self.width, self.height, self.dpi = agg, agg.width, agg.height, agg.dpi
         self.flip = Affine2D().scale(1, -1).translate(0, self.height)
-        self.get_text_width_height_descent, self._get_font_height_metrics = (
-            agg.get_text_width_height_descent,
-            agg._get_font_height_metrics,
-        )
+        measure_as(self, agg)
         self.get_canvas_width_height, self.points_to_pixels = (
             agg.get_canvas_width_height,
             agg.points_to_pixels,

@@ -148,7 +148,7 @@ class Sketch(View):
         with style():
             self.axes.text(
                 *at,
-                label,
+                label.replace("\\frac", "\\dfrac"),  # as large as the words beside it
                 color=color,
                 fontsize=size,
                 ha=align,
