@@ -629,7 +629,8 @@ def _presets(
             )
         if unknown := [name for name in values if name not in keys]:
             raise ModelError(
-                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not have; there are {listed(keys)}"
+                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not "
+                f"have; there are {listed(keys)}"
             )
     return {
         preset: {keys[name]: value for name, value in values.items()}
@@ -664,7 +665,8 @@ def _verdicts(runs: Several) -> str:
 
 def _in_words(figure: Any, title: str) -> str:
     """The alternative text of a picture in a panel."""
-    return f"{title}: {described(figure)}"
+    words = described(figure)
+    return words if words.startswith(title) else f"{title}: {words}"
 
 
 def _time_and_phase(run: Run) -> View:

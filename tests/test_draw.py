@@ -175,7 +175,7 @@ def segments(line):
     ]
 
 
-# -- figure ---------------------------------------------------------------------------------------------------------------
+# -- figure ----------------------------------------------------------------------------------------
 
 
 def test_png_is_small_palette_and_the_same_each_time(ball):
@@ -199,7 +199,10 @@ def test_png_is_small_palette_and_the_same_each_time(ball):
 
 
 def test_png_has_the_same_bytes_in_another_process():
-    code = "from labkit.draw import figure; import hashlib; f = figure(); f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    code = (
+        "from labkit.draw import figure; import hashlib; f = figure(); "
+        "f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    )
     seen = {
         subprocess.run(
             [sys.executable, "-c", code],
@@ -284,7 +287,10 @@ def test_the_users_rcparams_are_neither_changed_nor_used(ball):
 
 
 def test_pyplot_is_never_loaded():
-    code = "import sys, labkit.draw; from labkit.draw import figure; figure().png(); assert 'matplotlib.pyplot' not in sys.modules"
+    code = (
+        "import sys, labkit.draw; from labkit.draw import figure; figure().png(); "
+        "assert 'matplotlib.pyplot' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -321,7 +327,7 @@ def test_modes_keep_their_colours(block):
     assert len(set(COLORS)) == len(COLORS)
 
 
-# -- time plots -----------------------------------------------------------------------------------------------------------
+# -- time plots ------------------------------------------------------------------------------------
 
 
 def test_curve_breaks_at_jumps_and_jumps_are_dashed(ball):
@@ -523,7 +529,7 @@ def test_time_plot_refuses_nonsense(ball, block):
         time_plot(run).update(simulate(block, 1.0, **PLAIN))
 
 
-# -- type of an equilibrium -----------------------------------------------------------------------------------------------
+# -- type of an equilibrium ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -609,7 +615,7 @@ def test_classify_refuses_nonsense():
         classify(np.eye(2), tolerance=-1)
 
 
-# -- phase portraits ------------------------------------------------------------------------------------------------------
+# -- phase portraits -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -1244,7 +1250,7 @@ def test_a_picture_says_in_words_what_it_shows(ball, block):
     distance = curves(run, lambda run: {"r": (run.t, np.abs(run["v"]) + 1.0)}, log="y")
     assert "logarithmic in y" in distance.figure.alt
     panel = explore(ball, 3.0, lambda run: time_plot(run, "y"), **PLAIN)
-    assert panel.spec["alt"].startswith("ball: ball: y [m], ")
+    assert panel.spec["alt"].startswith("ball: y [m], ")
     short = time_plot(simulate(ball, 0.02, **PLAIN), "y")
     short.figure.png()
     assert "over t [ms], 0 to 20" in short.figure.alt
@@ -1365,7 +1371,7 @@ def test_portrait_refuses_nonsense(ball):
         phase_portrait(one, horizon=1.0)
 
 
-# -- sketches -------------------------------------------------------------------------------------------------------------
+# -- sketches --------------------------------------------------------------------------------------
 
 
 def test_sketch_pieces_meet_at_their_points():

@@ -1,4 +1,6 @@
-"""The house figure: one style, one palette, a small PNG that never changes by itself. pyplot is not used anywhere.
+"""The house figure: one style, one palette, a small PNG that never changes by itself.
+
+pyplot is not used anywhere.
 
 fig = figure(2, 1, height=5)
 fig.axes[0].plot(t, x)
@@ -44,12 +46,15 @@ __all__ = [
     "tint",
 ]
 
-#: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all common kinds of colour
-#: vision; their yellow is left out (invisible on white) and black comes last, since axes and text have it.
+#: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all
+#: common kinds of colour vision; their yellow is left out (invisible on white) and black comes
+#: last, since axes and text have it.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#000000")
-#: Line styles that go with the first four colours where few curves share a panel: they survive grey print.
+#: Line styles that go with the first four colours where few curves share a panel: they survive grey
+#: print.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (5, 1.6, 1.2, 1.6)), (0, (1.4, 1.4)))
-#: How strongly the backgrounds of the modes are tinted, in order: in grey print, too, one sees where a mode ends.
+#: How strongly the backgrounds of the modes are tinted, in order: in grey print, too, one sees
+#: where a mode ends.
 BANDS = (0.11, 0.23, 0.16, 0.31)
 INK, FAINT, GRID = "#222222", "#8A8A8A", "#E3E3E3"
 
@@ -159,9 +164,12 @@ class HouseAxes(Axes):
 
 
 class Figure(matplotlib.figure.Figure):
-    """A Matplotlib figure that shows itself in a cell as a palette PNG with the same bytes every time. Made by `figure`.
+    """A Matplotlib figure that shows itself in a cell, as a palette PNG, the same bytes each time.
 
-    fig.frozen = True    the axes stay where the layout has put them, which saves most of the time of a redraw
+    Made by `figure`.
+
+    fig.frozen = True    the axes stay where the layout has put them, which saves most of the time
+                         of a redraw
     fig.steady = True    limits do not follow the data
     """
 
@@ -190,7 +198,10 @@ class Figure(matplotlib.figure.Figure):
             return super().add_subplot(*arguments, **options)
 
     def png(self, dpi: float = PNG_DPI) -> bytes:
-        """fig.png() -> the picture as PNG bytes: a palette, no date, no version; artists marked animated included."""
+        """fig.png() -> the picture as PNG bytes: a palette, no date, no version.
+
+        Artists marked animated are in it.
+        """
         buffer, engine, before = io.BytesIO(), super().get_layout_engine(), (self.dpi, self.frozen)
         with style():
             try:
@@ -218,7 +229,10 @@ class Figure(matplotlib.figure.Figure):
         return _palette_png(rgb)
 
     def save_png(self, path: str | os.PathLike, dpi: float = PNG_DPI) -> Path:
-        """fig.save_png("spiral.png") -> path; written whole or not at all, ModelError when that fails."""
+        """fig.save_png("spiral.png") -> path, the file written.
+
+        Whole or not at all; ModelError when that fails.
+        """
         return _write(path, self.png(dpi))
 
     @property
@@ -246,8 +260,9 @@ class Figure(matplotlib.figure.Figure):
 def _palette_png(rgb: Image.Image) -> bytes:
     """As many colours as fit into PNG_BYTES, of 128, 64, 32, 20 (and with 20 whatever it takes).
 
-    The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum coverage, which keeps
-    the hue of a single thin line where median cut spends the palette on shades of the background.
+    The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum
+    coverage, which keeps the hue of a single thin line where median cut spends the palette on
+    shades of the background.
     """
     counted = sorted(
         rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height),
@@ -291,14 +306,18 @@ def figure(
     widths: Sequence[float] | None = None,
     title: str = "",
 ) -> Figure:
-    """figure(2, 1, height=5) -> Figure with rows × columns axes in fig.axes (row by row), constrained layout, house style.
+    """figure(2, 1, height=5) -> Figure with rows × columns axes in fig.axes, row by row.
 
-    width, height in inches, 96 CSS pixels each; `heights` and `widths` are relative sizes of the rows and columns.
-    rows=0 gives an empty figure. Raises ModelError for sizes that make no picture.
+    In a constrained layout and in the house style.
+
+    width, height in inches, 96 CSS pixels each; `heights` and `widths` are relative sizes of the
+    rows and columns. rows=0 gives an empty figure. Raises ModelError for sizes that make no
+    picture.
     """
     if not (1 <= width <= 40 and 0.5 <= height <= 60):
         raise ModelError(
-            f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in 0.5 … 60"
+            f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in "
+            "0.5 … 60"
         )
     if rows < 0 or columns < 0 or rows * columns > 100:
         raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
@@ -321,9 +340,12 @@ def figure(
 
 @contextmanager
 def style() -> Iterator[None]:
-    """with style(): artists made inside have the house style; the user's rcParams are as before afterwards.
+    """with style(): artists made inside have the house style.
 
-    One thread at a time: Jupyter lets panels answer in a thread of their own while a cell draws, and rcParams belong to all.
+    The user's rcParams are as before afterwards.
+
+    One thread at a time: Jupyter lets panels answer in a thread of their own while a cell draws,
+    and rcParams belong to all.
     """
     with _one_at_a_time, rc_context({**STYLE, "axes.prop_cycle": matplotlib.cycler(color=COLORS)}):
         yield
@@ -333,12 +355,18 @@ _one_at_a_time = threading.RLock()
 
 
 def mode_colors(system: System) -> dict[str, str]:
-    """mode_colors(system)["slip"] -> the colour that this mode has in every picture: by its place in system.modes."""
+    """mode_colors(system)["slip"] -> the colour that this mode has in every picture.
+
+    It goes by the mode's place in system.modes.
+    """
     return {name: COLORS[i % len(COLORS)] for i, name in enumerate(system.modes)}
 
 
 def tint(color: str, strength: float = 0.15) -> tuple[float, float, float]:
-    """tint("#D55E00") -> the colour mixed with white: opaque, so that it looks the same whatever lies beneath."""
+    """tint("#D55E00") -> the colour mixed with white.
+
+    Opaque, so that it looks the same whatever lies beneath.
+    """
     return tuple(1 - strength * (1 - c) for c in to_rgb(color))  # type: ignore[return-value]
 
 

@@ -178,7 +178,10 @@ class Planes(View):
                 ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
 
     def _flag(self, S: np.ndarray) -> float:
-        """How large the F is in the z-plane: its image reaches over two thirds of a half at most."""
+        """How large the F is in the z-plane.
+
+        Its image reaches over two thirds of a half at most.
+        """
         far = np.hypot(*(FLAG @ np.asarray(S, dtype=float).T).T).max()
         return min(self.reach[0] / 8, 0.67 * self.reach[1] / far)
 
