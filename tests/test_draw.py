@@ -1236,24 +1236,27 @@ def test_a_picture_says_in_words_what_it_shows(ball, block):
     run = simulate(ball, 3.0, **PLAIN)
     view = time_plot(run, "y")
     assert view.figure.alt == (
-        f"ball: y [m], {said(view.axes[0].get_ylim()[0], 3)} to "
-        f"{said(view.axes[0].get_ylim()[1], 3)}, over t [s], 0 to 3; 1 event"
+        f"ball: y [m] over t [s]; 0 to 3 across, {said(view.axes[0].get_ylim()[0], 3)} to "
+        f"{said(view.axes[0].get_ylim()[1], 3)} up; 1 event"
     )
     assert view._repr_mimebundle_()[1]["image/png"]["alt"] == view.figure.alt
     text = time_plot(simulate(block, 5.0, **PLAIN), ("x", "V")).figure.alt
-    assert "x [m], V [m/s], " in text and "curves x, V; modes stick, slip; " in text
+    assert "x [m], V [m/s] over t [s]; " in text and "curves x, V; modes stick, slip; " in text
     portrait = phase_portrait(simulate(block, 5.0, **PLAIN))
-    assert portrait.figure.alt.startswith("block: V [m/s], ") and "lets go" in portrait.figure.alt
+    assert (
+        portrait.figure.alt.startswith("block: V [m/s] over x [m]; ")
+        and "lets go" in portrait.figure.alt
+    )
     sketch = Sketch(4, 2)
     sketch.block((2, 1), 1, 1, "$m_{1}$")
     assert sketch.figure.alt == "in words: m1"
     distance = curves(run, lambda run: {"r": (run.t, np.abs(run["v"]) + 1.0)}, log="y")
     assert "logarithmic in y" in distance.figure.alt
     panel = explore(ball, 3.0, lambda run: time_plot(run, "y"), **PLAIN)
-    assert panel.spec["alt"].startswith("ball: y [m], ")
+    assert panel.spec["alt"].startswith("ball: y [m] over t [s]; ")
     short = time_plot(simulate(ball, 0.02, **PLAIN), "y")
     short.figure.png()
-    assert "over t [ms], 0 to 20" in short.figure.alt
+    assert "over t [ms]; 0 to 20 across" in short.figure.alt
 
 
 def test_formulas_in_plain_words():

@@ -1,6 +1,6 @@
 """Pictures in words, made from what they show: the alternative text of a figure.
 
-    described(figure)       # "y [m], −1 to 11, over t [s], 0 to 5; 4 events; modes flight, rest"
+    described(figure)       # "y [m] over t [s]; 0 to 5 across, −1 to 11 up; 4 events"
 
 In a notebook it stands in the picture's metadata, `"image/png": {"alt": …}`, where nbconvert's
 templates look for it.
@@ -93,7 +93,8 @@ def _axes(axes: Axes) -> str:
     across_to = f"{said(x0 * factor, 3)} to {said(x1 * factor, 3)}"
     up_to = f"{said(y0, 3)} to {said(y1, 3)}"
     log = [way for way in "xy" if getattr(axes, f"get_{way}scale")() == "log"]
-    words = f"{up or 'upwards'}, {up_to}, over {across or 'the axis to the right'}, {across_to}"
+    named = f"{up} over {across}; " if up and across else f"{up or across}; " if up + across else ""
+    words = f"{named}{across_to} across, {up_to} up"
     return words + (f", logarithmic in {' and '.join(log)}" if log else "")
 
 
