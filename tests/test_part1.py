@@ -1,4 +1,6 @@
-"""What all twelve assignments of part 1 must fulfil, on the systems and functions of the notebooks themselves."""
+"""What all twelve assignments of part 1 must fulfil, on the systems and functions of the notebooks
+themselves.
+"""
 
 import numpy as np
 import pytest
@@ -93,7 +95,10 @@ def test_type_equilibrium_and_transformation(number, book):
 )
 @given(data=st.data())
 def test_every_position_of_the_sliders(number, data):
-    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays, unless a border is stated for them."""
+    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand.
+
+    The type stays, unless a border is stated for them.
+    """
     book = load(assignment(1, number).path)
     system = book["system"]
     values = {
@@ -117,7 +122,10 @@ def test_every_position_of_the_sliders(number, data):
 
 
 def test_simulated_against_exact_at_1e_10(number, book):
-    """To 1e-9 of the largest state, from several starts; an unstable system multiplies every early error by e^{λt}."""
+    """To 1e-9 of the largest state, from several starts.
+
+    An unstable system multiplies every early error by e^{λt}.
+    """
     system, horizon = book["system"], book["horizon"]
     rest = equilibrium(*affine(system))
     names = system.states
