@@ -111,7 +111,8 @@ class Planes(View):
             )
             letter = split_name(first)[0]
             letter = f"${letter}$" if letter.startswith("\\") else letter
-            head(self.axes[1], f"{letter}-plane: after S", entries)
+            # beside two entries there is no room for more words
+            head(self.axes[1], f"{letter}-plane" + ("" if shaded else ": after S"), entries)
             self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
             self.axes[1].set(xlabel=label(self.system, first), ylabel=label(self.system, second))
         for ax in self.axes:
