@@ -30,6 +30,9 @@ _HOMES = {
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",
     "answers": "Check check",
+    "sweeps": "Sweep sweep",
+    "poincare": "Section section",
+    "cycles": "Cycle Monodromy monodromy periodic",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "families": "decomposition describe family",
     "panel": "explore",
@@ -42,7 +45,11 @@ __all__ = sorted(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"labkit has no {name!r}; it has {', '.join(__all__)}")
-    value = globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    home = _HOME[name]
+    module = import_module(f".{home}", __name__)
+    if home in _HOME:  # equations: importing the module has put it in the place of the function
+        globals()[home] = getattr(module, home)
+    value = globals()[name] = getattr(module, name)
     return value
 
 

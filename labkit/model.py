@@ -25,6 +25,9 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import signature
+from typing import Any
 
 __all__ = [
     "At",
@@ -37,10 +40,11 @@ __all__ = [
     "System",
     "Transition",
     "OPTIONS",
+    "unambiguous",
 ]
 
-#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may
-#: not be called so.
+#: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
+#: parameter may not be called so.
 OPTIONS = frozenset(
     {
         "system",
@@ -64,6 +68,9 @@ OPTIONS = frozenset(
         "title",
         "horizon",
         "dense",
+        "executor",
+        "progress",
+        "accept",
     }
 )
 
@@ -82,6 +89,34 @@ class ModelError(ValueError):
 
 def listed(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
+
+
+def unambiguous(function: Callable) -> Callable:
+    """@unambiguous above a function of a System or a Run (or several, by name) and options.
+
+    A name that is both one of the options and a parameter of the system is refused when it is
+    given: one could not tell which is meant.
+    """
+    own = {
+        name
+        for name, each in signature(function).parameters.items()
+        if each.kind != each.VAR_KEYWORD
+    }
+
+    @wraps(function)
+    def checked(*given: Any, **named: Any) -> Any:
+        first = given[0] if given else next(iter(named.values()), None)
+        for one in first.values() if isinstance(first, Mapping) else (first,):
+            system = getattr(one, "system", one)
+            known = getattr(system, "parameters", ())
+            if clash := [name for name in named if name in own and name in known]:
+                raise ModelError(
+                    f"{listed(clash)} is an option of {function.__name__} and a parameter of "
+                    f"{system.name!r}: one cannot tell which is meant: rename the parameter"
+                )
+        return function(*given, **named)
+
+    return checked
 
 
 def number(value: object, what: str) -> float:
@@ -562,8 +597,7 @@ class System:
                 f"{listed(unknown)} is neither a part of System nor a parameter of {self.name!r}; "
                 f"there are {listed(self.parameters)}"
             )
-        old_states = {key: (self.units[key], self.meanings[key]) for key in self.states}
-        new_states = _changed(old_states, states, "states")
+        new_states = _changed(self._described, states, "states")
         made = dict(_changed(self.parameters, parameters, "parameters"))
         for key, value in (made | values).items():
             if not isinstance(value, Parameter) and key in self.parameters:
@@ -583,6 +617,17 @@ class System:
         first = mode if mode is not None else self.mode if known else None
         unit = self.time if time is None else time
         return System(name, new_states, made, new_modes, kept, begin, first, shown, unit, lasting)
+
+    @property
+    def _described(self) -> dict[str, tuple[str, str]]:
+        """The states as they were given."""
+        return {key: (self.units[key], self.meanings[key]) for key in self.states}
+
+    def __reduce__(self) -> tuple:
+        start = {key: value for key, value in self.start.items() if key not in self.held}
+        modes = tuple(self.modes.values())
+        given = (self.name, self._described, self.parameters, modes, self.transitions)
+        return System, (*given, start, self.mode, self.outputs, self.time, self.held)
 
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str

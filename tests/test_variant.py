@@ -1,5 +1,8 @@
 """A variant of a system keeps everything that it does not name, and says what it cannot do."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -183,3 +186,9 @@ def test_a_parameter_with_the_name_of_a_part_is_bound_by_parameters_only():
 def test_what_a_variant_cannot_be_is_said(changes, words):
     with pytest.raises(ModelError, match=words):
         system.variant("x", **changes)
+
+
+def test_a_name_that_is_also_a_module_is_what_labkit_exports():
+    """`equations` is a function and the module it stands in, which importing puts in its place."""
+    code = "import labkit; labkit.parameter_table; from labkit import equations; equations.__call__"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.text import Text
 
-from ..model import ModelError, listed
+from ..model import ModelError, listed, unambiguous
 from ..run import Run
 from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, label, style
 from .private import closed, reshape
@@ -30,6 +30,7 @@ What = Callable[[Any], Mapping[str, object]]
 Span = tuple[float, float]
 
 
+@unambiguous
 def curves(
     where: Run | Axes | Mapping[str, Run],
     what: What,

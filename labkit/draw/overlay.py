@@ -153,6 +153,11 @@ class Overlay(View):
     def add(self, runs: Sequence[Run]) -> None:
         for show, curve, starts in zip(self.shows, self.curves, self.starts, strict=True):
             if show.plane:
+                runs = [one for run in runs for one in _each(run)]
                 paths = [np.column_stack([run[show.x], run[show.names[0]]]) for run in runs]
                 curve.set_data(*_strung(paths))
                 starts.set_data([path[0, 0] for path in paths], [path[0, 1] for path in paths])
+
+
+def _each(run: Run | Mapping[str, Run]) -> list[Run]:
+    return list(run.values()) if isinstance(run, Mapping) else [run]

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from ..linear import affine, borders, eigenlines, equilibrium, exact
-from ..model import ModelError
+from ..model import ModelError, unambiguous
 from ..run import Run
 from ..show import split_name
 from ..similarity import Similarity
@@ -46,6 +46,7 @@ FLAG = (
 )
 
 
+@unambiguous
 def planes(
     run: Run,
     parts: Parts,

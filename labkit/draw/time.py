@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
-from ..model import ModelError, System, listed
+from ..model import ModelError, System, listed, unambiguous
 from ..run import Run
 from ..runs import Runs
 from .figure import (
@@ -46,6 +46,7 @@ Data = Run | Runs | Sequence[Run | Runs] | Mapping[str, Run | Runs]
 FEW = 60
 
 
+@unambiguous
 def time_plot(
     run: Data,
     *names: str | tuple[str, ...],

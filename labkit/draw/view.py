@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
+from ..model import ModelError
 from .figure import Figure
 
-__all__ = ["Shows", "Together", "View", "Window"]
+__all__ = ["Only", "Shows", "Together", "View", "Window"]
 
 
 @dataclass(frozen=True)
@@ -32,16 +33,31 @@ class Shows:
         return self.x != "t"
 
     def curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """show.curve(run, "x") -> the curve of that name, to the right and upwards."""
+        """show.curve(run, "x") -> the curve of that name, to the right and upwards.
+
+        Of several runs by name, one after the other, NaN between them.
+        """
         if self.data is not None:
             return self.data(run, name)
+        if isinstance(run, Mapping):
+            pairs = [self.curve(one, name) for one in run.values() if self._has(one, name)]
+            gap = np.full(1, np.nan)
+            x, y = ([part for pair in pairs for part in (pair[k], gap)] for k in (0, 1))
+            return (np.concatenate(x), np.concatenate(y)) if pairs else (gap, gap)
         return (run.t if self.x == "t" else run[self.x]), run[name]
+
+    def _has(self, run: Any, *names: str) -> bool:
+        known = {"t", *run.system.units, *run.system.outputs}
+        return {self.x, *names} <= known
 
     def points(self, run: Any, t: float) -> list[tuple[float, float]]:
         """show.points(run, t) -> where its curves are at the instant t."""
         if self.data is not None:
             made = (self.data(run, name) for name in self.names)
             return [(t, float(np.interp(t, x, y))) for x, y in made if len(x)]
+        if isinstance(run, Mapping):
+            live = [one for one in run.values() if one.t[0] <= t <= one.t[-1] and self._has(one)]
+            return [point for one in live for point in self.points(one, t)]
         values = {"t": t, **run.at(t)}
         names = [name for name in self.names if name in values and self.x in values]
         return [(values[self.x], values[name]) for name in names]
@@ -82,10 +98,19 @@ class View:
 
 
 class Together(View):
-    """Together(view, view): several views that were drawn into one figure, as one view."""
+    """Together(view, view): several views that were drawn into one figure, as one view.
+
+    Raises ModelError when they were drawn into different figures.
+    """
 
     def __init__(self, *views: View):
         self.views, self.figure = views, views[0].figure
+        for k, view in enumerate(views):
+            if getattr(view, "figure", self.figure) is not self.figure:
+                raise ModelError(
+                    f"view {k + 1} of {len(views)}, {view!r:.60}, was drawn into another figure "
+                    "than the first: make fig = figure(…) once and give each view axes=fig.axes[k]"
+                )
 
     @property
     def artists(self) -> list[Artist]:  # type: ignore[override]
@@ -104,6 +129,21 @@ class Together(View):
         for view in self.views:
             if hasattr(view, "at"):
                 view.at(run, t)
+
+
+class Only(View):
+    """Only("plain", view): a view that is given several runs by name and shows one of them."""
+
+    def __init__(self, name: str, view: View):
+        self.name, self.view, self.figure = name, view, view.figure
+        self.artists, self.shows = view.artists, ()
+
+    def update(self, run: Any) -> None:
+        self.view.update(run[self.name])
+        self.relimited = self.view.relimited
+
+    def at(self, run: Any, t: float) -> None:
+        self.view.at(run[self.name], t)
 
 
 class Window:
