@@ -8,6 +8,7 @@ from labkit import (
     ModelError,
     System,
     canonical,
+    explore,
     matrix_a,
     matrix_b,
     planes,
@@ -130,3 +131,14 @@ def test_a_centre_closes_its_curves():
     curves, starts = flow_lines(canonical("centre", 1), 2.0)
     pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
     assert np.allclose(pieces[:, 0], pieces[:, -1], atol=1e-9)
+
+
+def test_the_start_is_dragged_in_the_plane_after_S():
+    """A handle stands at the start there, and only there: z is no state of the model."""
+    Lambda, S = CASES["node"]
+    run = run_of(Lambda, S)
+    panel = explore(run.system, 2.0, lambda run: planes(run, lambda p: (Lambda, S)))
+    (handle,) = panel.handles
+    assert handle.axes is panel.figure.axes[1] and handle.at_place == (3.0, -1.0)
+    assert handle.values(2.0, 1.0) == {"s1": 2.0, "s2": 1.0}
+    assert [show.names for show in panel.shows] == [("s2",)]
