@@ -1,4 +1,6 @@
-"""What all twelve assignments of part 1 must fulfil, on the systems and functions of the notebooks themselves."""
+"""What all twelve assignments of part 1 must fulfil, on the notebooks' own functions."""
+
+import itertools
 
 import numpy as np
 import pytest
@@ -93,7 +95,7 @@ def test_type_equilibrium_and_transformation(number, book):
 )
 @given(data=st.data())
 def test_every_position_of_the_sliders(number, data):
-    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays, unless a border is stated for them."""
+    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays off its borders."""
     book = load(assignment(1, number).path)
     system = book["system"]
     values = {
@@ -117,7 +119,7 @@ def test_every_position_of_the_sliders(number, data):
 
 
 def test_simulated_against_exact_at_1e_10(number, book):
-    """To 1e-9 of the largest state, from several starts; an unstable system multiplies every early error by e^{λt}."""
+    """To 1e-9 of the largest state, from several starts: unstable systems multiply early errors."""
     system, horizon = book["system"], book["horizon"]
     rest = equilibrium(*affine(system))
     names = system.states
@@ -241,6 +243,11 @@ def test_02_what_an_unstable_node_does_to_errors():
     less = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98}, q1=2.07, q2=1.17)
     assert less["s1"][-1] > 4 and less["s2"][-1] > 4
     assert np.linalg.det(book["flat"].S) == pytest.approx(-2)
+    for ends in itertools.product((0.5, 2), (0.5, 2), (0.02, 0.24), (0.02, 0.24)):
+        corner = affine(
+            system, system.values(dict(zip(("g1", "g2", "m1", "m2"), ends, strict=True)))
+        )[0]
+        assert classify(corner) == "unstable node"  # det is linear in each: corners are enough
     found = book["solutions"]
     assert found["quotas"] == pytest.approx([4.15, 1.65])
     assert (found["fate"], found["image"]) == ("plenty", "mirrored")
