@@ -35,6 +35,7 @@ _HOMES = {
     "cycles": "Cycle Monodromy monodromy periodic",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "families": "decomposition describe family",
+    "characteristics": "Branch Characteristic characteristic from_points",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }

@@ -11,6 +11,7 @@ from .helpers import ROOT
 CLEAN = [
     *(
         "cycles",
+        "diagram",
         "ledger",
         "model",
         "poincare",
@@ -19,19 +20,26 @@ CLEAN = [
         "rebind",
         "run",
         "runs",
+        "several",
         "shooting",
         "sweeps",
         "table",
+        "variant",
         "trace",
     ),
+    "draw",
     "solve",
 ]
 PATHS = [
-    *(f"labkit/{name}" if name == "solve" else f"labkit/{name}.py" for name in CLEAN),
+    *(f"labkit/{name}" if name in ("draw", "solve") else f"labkit/{name}.py" for name in CLEAN),
     *("tests/coincidences", "tests/test_coincidences.py", "tests/test_style.py"),
     *(
-        "labkit/draw/maps.py",
+        "tests/test_curves.py",
         "tests/test_cycles.py",
+        "tests/test_draw.py",
+        "tests/test_planes.py",
+        "tests/test_record.py",
+        "tests/test_several.py",
         "tests/test_sweep.py",
         "tests/test_table.py",
         "tests/test_variant.py",
