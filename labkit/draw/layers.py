@@ -317,7 +317,8 @@ class Equilibria(Layer):
 class GuardLines(Layer):
     """Where the guards of the shown modes are zero: dashed, in the mode's colour, named.
 
-    Guards that change with time have no fixed line; `omitted` names them.
+    Guards that change with time have no fixed line; `omitted` names them. A mode in which the point
+    of the plane stands still (a body at rest) has none in it.
     """
 
     def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
@@ -364,8 +365,12 @@ class GuardLines(Layer):
         ] = []  # two modes may turn on the same line by the same name: written once
         for mode, line in self.lines.items():
             curves = []
+            still = self.plane.stands_still(mode, limits)
             for i in self.plane.system.leaving[mode]:
                 if (mode, i) not in self.words:
+                    continue
+                if still:  # nothing moves across its guards
+                    self._name(self.words[mode, i], "", [], taken)
                     continue
                 transition, text = self.plane.system.transitions[i], self.words[mode, i]
                 found: list[np.ndarray] = []
