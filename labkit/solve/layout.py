@@ -53,12 +53,12 @@ ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # TURN: −1 where the surface's guard crossed downwards
 (T, H, T_END, RTOL, MAX_STEP, T0, EVENT_T, ZENO_T, PROBE) = range(9)
 (BEFORE, UNTIL, LATER, GONE, LAMBDA, STREAK_H, JUMP_T, TURN, GONE_T) = range(9, 18)
-# SPEED, BAND: of the guard whose body rests (stopped); BLUR: how far the clock has just been moved
-# on;
+# BAND: below which size the guard whose body rests is zero; BLUR: how far the clock has just been
+# moved on;
 # CAP: a longer step would step over what a guard does
 # GAP: time between the last two events; MIXED: how well λ is known while sliding
-(SPEED, BAND, BLUR, CAP, GAP, MIXED) = range(18, 24)
-FLOATS = 24
+(BAND, BLUR, CAP, GAP, MIXED) = range(18, 23)
+FLOATS = 23
 # What is kept of a lane that is done, in w.done: why it ended, the last transition, where its
 # samples
 # end, its work, places where its flow seemed to jump

@@ -140,7 +140,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
             hull[j] = total
             largest = max(largest, abs(total))
         nested = own_a <= a and b <= own_b and width > 0.125 * (own_b - own_a)
-        if not nested and (looks > 1 or flat or largest < 1e-9 * w.scale[slot]):
+        if not nested and (looks > 1 or w.flat[slot] == 1 or largest < 1e-9 * w.scale[slot]):
             own_a, own_b = a, b
             middle = a + width * w.node[top // 2]
             evaluate(w, n, middle, w.y_try)
@@ -195,7 +195,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 theta = refine(model, w, p, mode, n, t, h, k, a, value[0], b, value[top])
             w.turn[k] = sign
             return theta
-        if looks > 400 and w.i[ADAPTIVE] == 1 and w.i[WILD] < MOST_WILD:
+        if looks > 400 and misfit > own and w.i[ADAPTIVE] == 1 and w.i[WILD] < MOST_WILD:
             w.i[WILD] += 1
             return -3.0
         if finest:  # rounding rules here: believe the samples

@@ -144,9 +144,11 @@ class SciPyStep:
         h = max(w.f[core.H], 1e-3 * (w.f[core.T_END] - t))
         core.feel(self.model, w, p, mode, n, t)
         self.sizes = list(w.size_of)
-        # a state at rest at zero has no size: any tolerance does
+        # Their steps are rounded to the clock, which moves a state by ε·|t|·|rate|: not finer.
+        # A state at rest at zero has no size: any tolerance does
+        tick, terms = 8.0 * core.EPS * abs(t), w.terms[mode]
         return [
-            core.allowed(w, mode, i, 0.0, h)
+            max(core.allowed(w, mode, i, 0.0, h), tick * max(terms[i], abs(w.k[0][i])))
             if w.size_of[w.kind[mode][i]] or w.k[0][i]
             else 0.01 * w.f[core.RTOL]
             for i in range(n)

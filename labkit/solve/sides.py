@@ -383,21 +383,25 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     """A guard is beyond its surface after its own reset: does the body rest there (1), or pass
     through (0)?
 
-    It rests if it came with a speed that the reset has taken away. It also does if the flow it came
-    by says that it did not come at all: then the method's error decides, not the flight.
+    It passes if it moves on by its slope in the direction in which it came, or if the reset has
+    left its motion as it was (a counter, where the slope is zero). Else the reset has turned it or
+    taken its speed, and what carries it beyond is too early to be told from rest; or the flow it
+    came by says that it did not come at all: then the method's error decides, not the flight.
     """
-    w.f[SPEED] = 0.0
-    if w.came[slot] != 2 and order != 1 and order != -1:  # not by the flow
+    by_slope = order == 1 or order == -1
+    if w.came[slot] != 2 and not by_slope:  # not by the flow
         return 1
     line = w.ledger[w.i[LEDGER] - 1]
-    e = w.f[GONE_T] if order == 1 or order == -1 else 0.125 * w.f[GONE_T]
+    e = w.f[GONE_T] if by_slope else 0.125 * w.f[GONE_T]
+    far = 1.0 if order > 0 else -1.0
+    straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
+    after = far * w.g_away[k]
     for i in range(n):
         w.y_shake[i] = line[5 + i]
     rates(model, w, mode, n, t, w.y_shake, p, w.ahead[1])
     straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     w.i[FLOWS] += 1
-    moved = w.g_away[k]
-    w.f[SPEED] = abs(moved) / e
-    if order == 1 or order == -1:
-        return 1 if moved * order < 0.0 else 0
-    return 1 if 8.0 * abs(moved) > 0.1 * w.f[GONE] else 0
+    before = far * w.g_away[k]
+    if by_slope:
+        return 1 if before < 0.0 else 0
+    return 0 if after == before or after > 0.1 * abs(before) else 1
