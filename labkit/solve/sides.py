@@ -283,9 +283,14 @@ def sides(model, w, p, how, fired):
             steep = w.swing[slot]
             if how == ENTERED or how == START:
                 steep = steepest(model, w, p, n, slot)
-            if abs(value) <= tick * steep and abs(value) <= tick * abs(
-                slope_ahead(model, w, p, mode, n, t, k)
-            ):
+            reach = tick * steep
+            if abs(value) <= reach:
+                reach = tick * abs(slope_ahead(model, w, p, mode, n, t, k))
+            if how == START and tick > 0.0:  # where its slope is zero, too
+                know_flow(model, w, p)
+                look(model, w, p, mode, n, t, tick, 2, w.g_look)
+                reach = max(reach, abs(w.g_look[k] - value))
+            if abs(value) <= reach:
                 clear = False
                 w.slack[slot] = abs(value)
                 band += 2.0 * abs(value)
@@ -308,7 +313,7 @@ def sides(model, w, p, how, fired):
         if how == ENTERED:
             beyond = directed and now > 0
             turned = 0
-            if not clear and (not directed or urgent == NO):
+            if not clear and not directed:
                 turned = turned_back(model, w, p, mode, n, t, k, band, now)
             if w.wait[slot] == 1:  # it leaves the mode before, too
                 w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
@@ -316,10 +321,9 @@ def sides(model, w, p, how, fired):
                 # one that the mode before had, too, and that has acted at this instant, is not
                 # beyond anew
                 acted = w.came[slot] >= 2 and was > 0 and left_before(w, q)
-                if directed and urgent != NO:
-                    w.wait[slot] = 1 if beyond and not acted else 0
-                else:
-                    w.wait[slot] = 1 if turned == 1 and (now > 0 or not directed) else 0
+                w.wait[slot] = turned
+                if beyond and urgent != NO and not acted:
+                    w.wait[slot] = 1
         elif how == START:
             if directed and now > 0:
                 if clear and urgent == REFUSE:
