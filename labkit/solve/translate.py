@@ -737,11 +737,6 @@ class Body:
         kind = Number(floating or bound is None, bound, numpy)
         if numpy:
             return f"do_numpy_power({self._float(left)}, {self._float(right)})", kind
-        if exponent in (2, 3, 4):
-            return (
-                f"do_{('square', 'cube', 'fourth')[int(exponent) - 2]}({self._float(left)})",
-                kind,
-            )
         return f"do_power({self._float(left)}, {self._float(right)})", kind
 
     def _not_larger(self, bound: float | None, node: ast.AST) -> None:
