@@ -24,10 +24,18 @@ _HOMES = {
     "solve": "METHODS simulate simulate_many",
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",
-    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
+    "table": "Table",
+    "draw": "COLORS Handle Motion Sketch View curves figure mode_colors phase_portrait planes "
+    "time_plot",
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",
+    "answers": "Check check",
+    "sweeps": "Sweep sweep",
+    "poincare": "Section section",
+    "cycles": "Cycle Monodromy monodromy periodic",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
+    "families": "decomposition describe family",
+    "characteristics": "Branch Characteristic characteristic from_points",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }
@@ -38,7 +46,11 @@ __all__ = sorted(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"labkit has no {name!r}; it has {', '.join(__all__)}")
-    value = globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    home = _HOME[name]
+    module = import_module(f".{home}", __name__)
+    if home in _HOME:  # equations: importing the module has put it in the place of the function
+        globals()[home] = getattr(module, home)
+    value = globals()[name] = getattr(module, name)
     return value
 
 

@@ -26,7 +26,8 @@ from sympy.core.function import AppliedUndef
 from sympy.printing.latex import LatexPrinter
 
 from .model import At, Every, ModelError, System, Transition, listed
-from .show import Table, latex_name, split_name
+from .show import latex_name, split_name
+from .table import Table
 from .trace import Quantity, Tracer, Untraceable, expression
 
 __all__ = [

@@ -25,6 +25,9 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import signature
+from typing import Any
 
 __all__ = [
     "At",
@@ -37,10 +40,11 @@ __all__ = [
     "System",
     "Transition",
     "OPTIONS",
+    "unambiguous",
 ]
 
-#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may
-#: not be called so.
+#: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
+#: parameter may not be called so.
 OPTIONS = frozenset(
     {
         "system",
@@ -64,6 +68,9 @@ OPTIONS = frozenset(
         "title",
         "horizon",
         "dense",
+        "executor",
+        "progress",
+        "accept",
     }
 )
 
@@ -82,6 +89,34 @@ class ModelError(ValueError):
 
 def listed(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
+
+
+def unambiguous(function: Callable) -> Callable:
+    """@unambiguous above a function of a System or a Run (or several, by name) and options.
+
+    A name that is both one of the options and a parameter of the system is refused when it is
+    given: one could not tell which is meant.
+    """
+    own = {
+        name
+        for name, each in signature(function).parameters.items()
+        if each.kind != each.VAR_KEYWORD
+    }
+
+    @wraps(function)
+    def checked(*given: Any, **named: Any) -> Any:
+        first = given[0] if given else next(iter(named.values()), None)
+        for one in first.values() if isinstance(first, Mapping) else (first,):
+            system = getattr(one, "system", one)
+            known = getattr(system, "parameters", ())
+            if clash := [name for name in named if name in own and name in known]:
+                raise ModelError(
+                    f"{listed(clash)} is an option of {function.__name__} and a parameter of "
+                    f"{system.name!r}: one cannot tell which is meant: rename the parameter"
+                )
+        return function(*given, **named)
+
+    return checked
 
 
 def number(value: object, what: str) -> float:
@@ -110,6 +145,85 @@ def _named(given: Mapping, what: str) -> dict:
             f"two names in {what} are the same to Python, which reads ϕ as φ, ϵ as ε, µ as μ "
             f"(unicode NFKC): {listed(given)}"
         )
+    return made
+
+
+def _changed(old: Mapping, new: Mapping | None, what: str) -> dict:
+    """The old with what the new names; None takes away. ModelError when there is no such thing."""
+    if not isinstance(new or {}, Mapping):
+        raise ModelError(f"{what} of a variant must be a dict of what changes, not {new!r:.60}")
+    made = {**old, **_named(new or {}, what)}
+    if unknown := [key for key, value in made.items() if value is None and key not in old]:
+        raise ModelError(
+            f"the variant takes away {listed(unknown)}, which is not among the {what}; there are "
+            f"{listed(old)}"
+        )
+    return {key: value for key, value in made.items() if value is not None}
+
+
+def _changed_modes(old: Mapping[str, Mode], new: object) -> Sequence[Mode]:
+    """The modes of a variant: a list is the whole, a mapping of Modes or flows what changes."""
+    if new is not None and not isinstance(new, Mapping):
+        return new  # type: ignore[return-value]
+    made = _changed(old, new, "modes")
+    for key, value in made.items():
+        if isinstance(value, Mode):
+            if value.name != key:
+                raise ModelError(f"modes names {key!r}, but its Mode is called {value.name!r}")
+        else:
+            made[key] = replace(old[key], flow=value) if key in old else Mode(key, value)
+    return list(made.values())
+
+
+def _changed_transitions(
+    old: Sequence[Transition], new: object, gone: set[str]
+) -> Sequence[Transition]:
+    """The transitions of a variant, without those that lead into modes that are gone."""
+    if new is not None and not isinstance(new, Mapping):
+        return new  # type: ignore[return-value]
+    named = _changed(dict.fromkeys((tr.name for tr in old), ()), new, "transitions")
+    kept: list[Transition] = []
+    for tr in old:
+        change = named.get(tr.name)
+        if isinstance(change, Transition):
+            kept += [change] if change not in kept else []
+        elif isinstance(change, Mapping | tuple):
+            fields = dict(change)
+            if unknown := [key for key in fields if key not in tr.__dataclass_fields__]:
+                raise ModelError(
+                    f"transition {tr.name!r} has no field {listed(unknown)}; there are "
+                    f"{listed(tr.__dataclass_fields__)}"
+                )
+            sources = tuple(key for key in tr.sources if key not in gone)
+            here = tr.source if sources == tr.sources else sources
+            calm = None if tr.zeno in gone else tr.zeno
+            one = replace(tr, **{"source": here, "zeno": calm} | fields)
+            if one.sources and one.target not in gone:
+                kept.append(one)
+            elif fields:
+                raise ModelError(f"transition {tr.name!r} is to change, but its mode is gone")
+        elif change is not None:
+            raise ModelError(
+                f"transition {tr.name!r} of a variant must be a Transition, a dict of its fields "
+                f"that change, or None, not {change!r:.60}"
+            )
+    there = {tr.name for tr in old}
+    more = {key: each for key, each in named.items() if key not in there}
+    if unknown := [key for key, each in more.items() if isinstance(each, Mapping)]:
+        raise ModelError(
+            f"there is no transition {listed(unknown)} to change; there are {listed(there)}"
+        )
+    return [*kept, *more.values()]
+
+
+def _outputs_without(outputs: Mapping[str, Output], gone: set[str]) -> dict[str, Output]:
+    """Outputs without their functions in modes that are gone; one without any is gone too."""
+    made = {}
+    for key, what in outputs.items():
+        if not isinstance(what.function, Mapping):
+            made[key] = what
+        elif left := {mode: f for mode, f in what.function.items() if mode not in gone}:
+            made[key] = replace(what, function=left)
     return made
 
 
@@ -428,6 +542,92 @@ class System:
             )
             for key in self.modes
         }
+
+    def variant(
+        self,
+        name: str,
+        /,
+        *,
+        states: Mapping[str, str | tuple[str, str] | None] | None = None,
+        parameters: Mapping[str, Parameter | float | None] | None = None,
+        modes: Sequence[Mode] | Mapping[str, Mode | Function | None] | None = None,
+        transitions: Sequence[Transition]
+        | Mapping[str, Transition | Mapping[str, object] | None]
+        | None = None,
+        start: Mapping[str, float] | None = None,
+        mode: str | Function | None = None,
+        outputs: Mapping[str, Output | None] | None = None,
+        time: str | None = None,
+        held: Mapping[str, tuple | None] | None = None,
+        **values: float,
+    ) -> System:
+        """system.variant("light load", R=200.0) -> a new System that keeps what is not named.
+
+            system.variant("no diode", modes={"off": None}, R=200.0)
+            system.variant("as printed", modes={"diode": another_flow})
+            system.variant("no tolerance", transitions={"destroyed": {"tolerance": 0.0}})
+
+        The parts are those of System. A list is the whole part. A mapping changes what it names,
+        adds what is new, and takes away what is None:
+
+        modes        name -> Mode, or a flow: then meaning and states of the mode stay
+        transitions  label -> Transition, or field -> value: then its other fields stay
+        parameters   name -> Parameter, or a number, as in `values`
+        values       new default values of parameters by name; unit, meaning and range stay
+
+        With a mode that is gone go the transitions into it and out of it, and its outputs; with a
+        state that is gone, its start. A start mode that is gone becomes the first mode.
+
+        Raises ModelError, naming the piece, for an unknown name, for a value out of range, for a
+        keyword that is both a part of System and a parameter (say parameters={"time": 3.0}), and as
+        System does.
+        """
+        values = _named(values, "the parameters")
+        parts = {"states": states, "modes": modes, "outputs": outputs, "time": time, "held": held}
+        parts |= {"parameters": parameters, "transitions": transitions}
+        if both := [
+            key for key, part in parts.items() if part is not None if key in self.P._fields
+        ]:
+            raise ModelError(
+                f"{listed(both)} is a part of System and a parameter of {self.name!r}: for the "
+                f"parameter say parameters={{{both[0]!r}: …}}; a part of that name cannot be given"
+            )
+        if unknown := [key for key in values if key not in self.P._fields]:
+            raise ModelError(
+                f"{listed(unknown)} is neither a part of System nor a parameter of {self.name!r}; "
+                f"there are {listed(self.parameters)}"
+            )
+        new_states = _changed(self._described, states, "states")
+        made = dict(_changed(self.parameters, parameters, "parameters"))
+        for key, value in (made | values).items():
+            if not isinstance(value, Parameter) and key in self.parameters:
+                made[key] = replace(self.parameters[key], value=value)
+        new_modes = _changed_modes(self.modes, modes)
+        names = {each.name for each in new_modes if isinstance(each, Mode)}
+        gone = set(self.modes) - names
+        kept = _changed_transitions(self.transitions, transitions, gone)
+        shown = _changed(_outputs_without(self.outputs, gone), outputs, "outputs")
+        lasting = dict(_changed(self.held, held, "held"))
+        begin = dict(_named(start or {}, "start"))
+        for key in [key for key in begin if isinstance(lasting.get(key), Held)]:
+            lasting[key] = replace(lasting[key], start=begin.pop(key))
+        lost = {*self.held, *self.states} - {*new_states}
+        begin = {key: x for key, x in self.start.items() if key not in lost} | begin
+        known = callable(self.mode) or self.mode in names
+        first = mode if mode is not None else self.mode if known else None
+        unit = self.time if time is None else time
+        return System(name, new_states, made, new_modes, kept, begin, first, shown, unit, lasting)
+
+    @property
+    def _described(self) -> dict[str, tuple[str, str]]:
+        """The states as they were given."""
+        return {key: (self.units[key], self.meanings[key]) for key in self.states}
+
+    def __reduce__(self) -> tuple:
+        start = {key: value for key, value in self.start.items() if key not in self.held}
+        modes = tuple(self.modes.values())
+        given = (self.name, self._described, self.parameters, modes, self.transitions)
+        return System, (*given, start, self.mode, self.outputs, self.time, self.held)
 
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str

@@ -1,4 +1,4 @@
-"""How names and small tables are shown. One rule for equations, tables and axes; it needs neither SymPy nor Matplotlib.
+"""How names are shown. One rule for equations, tables and axes; it needs neither SymPy nor Matplotlib.
 
 latex_name("omega1")  ->  \\omega_{1}        latex_name("Vp")  ->  V_{p}        latex_name("mass")  ->  \\mathrm{mass}
 """
@@ -7,39 +7,10 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
-from dataclasses import dataclass
+
+from .table import Table
 
 __all__ = ["Table", "latex_name", "split_name"]
-
-
-@dataclass(frozen=True)
-class Table:
-    """Table(("symbol", "value"), rows, "Parameters"): shows itself in a notebook; cells are Markdown, str(table) is plain text."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    title: str = ""
-
-    def _repr_markdown_(self) -> str:
-        lines = [
-            "| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |"
-            for row in (self.head, *self.rows)
-        ]
-        lines.insert(1, "|" + ":---|" * len(self.head))
-        return (f"**{self.title}**\n\n" if self.title else "") + "\n".join(lines)
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __repr__(self) -> str:
-        cells = [[str(cell) for cell in row] for row in (self.head, *self.rows)]
-        wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = [
-            "  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip()
-            for row in cells
-        ]
-        return "\n".join([self.title, *lines] if self.title else lines)
 
 
 GREEK = frozenset(

@@ -179,10 +179,9 @@ def open_notebook(page, lab: Lab, name: str) -> None:
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
     # The indicator at the top says idle before there is a kernel, and Lab then drops what it is told to run; the bar at the bottom knows.
     page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle").wait_for()
-    assert (
-        page.locator(".lm-TabBar-tab.jp-mod-current").inner_text().strip()
-        == f"{name.rpartition('/')[2]}.ipynb"
-    )
+    tab = page.locator(".lm-TabBar-tab.jp-mod-current")
+    assert tab.inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
+    assert "jp-mod-dirty" not in tab.get_attribute("class"), "only opened, and marked as changed"
 
 
 def run_all(page) -> None:

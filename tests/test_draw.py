@@ -23,6 +23,7 @@ from PIL import Image
 from labkit.draw import (
     COLORS,
     Sketch,
+    curves,
     direction_field,
     equilibria,
     figure,
@@ -30,14 +31,17 @@ from labkit.draw import (
     mode_colors,
     nullclines,
     phase_portrait,
+    planes,
     time_plot,
     trajectories,
 )
 from labkit.draw.figure import PNG_BYTES, label, style, symbol
-from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays
+from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
 from labkit.draw.sketch import CHARACTERISTICS
+from labkit.draw.view import Together
 from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
+from labkit.panel import explore
 from labkit.run import Event, Run, Work
 from labkit.solve import simulate
 
@@ -865,6 +869,7 @@ def test_portrait_of_many_and_update_with_other_parameters():
         "DirectionField",
         "Nullclines",
         "Trajectories",
+        "Separatrices",
         "Equilibria",
     ]
     assert (
@@ -876,7 +881,9 @@ def test_portrait_of_many_and_update_with_other_parameters():
     view.update(simulate(system, 4.0, a11=0.2, a22=0.2, **PLAIN))
     assert view.equilibria[0][3] == "unstable spiral point" and not view.relimited
     assert len(view.axes.get_children()) == children and view.artists == artists
-    fresh = phase_portrait(system, starts=12, horizon=4.0, limits=BOX, a11=0.2, a22=0.2, **PLAIN)
+    fresh = phase_portrait(
+        system, starts=12, horizon=4.0, limits=BOX, a11=0.2, a22=0.2, rtol=1e-8, **PLAIN
+    )  # the tolerance of the run
     for mine, other in zip(
         view.layers[2].lines[0].get_segments(), fresh.layers[2].lines[0].get_segments(), strict=True
     ):
@@ -891,6 +898,7 @@ def test_portrait_of_a_run_widens_and_the_field_follows(ball):
         "Nullclines",
         "GuardLines",
         "Trajectories",
+        "Separatrices",
         "Equilibria",
     ]
     before = view.layers[0].lines[0].get_xydata().copy()
@@ -933,6 +941,172 @@ def test_starts_beyond_a_guard_are_not_made_up(ball):
     view = phase_portrait(ball, starts=20, horizon=0.5, limits=((-5.0, 5.0), (-5.0, 5.0)), **PLAIN)
     runs = next(layer for layer in view.layers if type(layer).__name__ == "Trajectories")
     assert 0 < len(runs.starts.get_xdata()) < 20 and min(runs.starts.get_xdata()) >= 0
+
+
+def test_a_portraits_trajectories_are_made_as_the_run_beside_them(ball):
+    """Its method, tolerance, end time and mode; the portrait's own arguments come first."""
+    run = simulate(ball, 3.0, method="Heun", step=0.01, **PLAIN)
+    view = phase_portrait(run, starts={"y": [4.0, 8.0], "v": [0.0, 0.0]})
+    made = next(part.runs for part in view.layers if part.artists and hasattr(part, "runs"))
+    assert made[0].options["method"] == "Heun" and made[0].options["step"] == 0.01
+    assert made[0].t[-1] == 3.0
+    view.update(run.again(t_end=5.0, method="RK45", rtol=1e-4))
+    made = next(part.runs for part in view.layers if hasattr(part, "runs"))
+    like = run.again(t_end=5.0, method="RK45", rtol=1e-4, points=300, start={"y": 8.0})
+    np.testing.assert_array_equal(made[1]["y"], like["y"])
+    kept = phase_portrait(run, starts=[[4.0, 0.0]], horizon=1.0, method="RK4", step=0.1)
+    kept.update(run.again(t_end=5.0, method="RK45"))
+    made = next(part.runs for part in kept.layers if hasattr(part, "runs"))
+    assert made[0].t[-1] == 1.0 and made[0].options["method"] == "RK4"
+
+
+def test_a_portraits_trajectories_begin_in_the_mode_of_the_run():
+    def to(rate):
+        return lambda t, s, p: (s.v, rate - s.x)
+
+    two = System(
+        "two",
+        {"x": "m", "v": "m/s"},
+        {},
+        [Mode("left", to(-1.0)), Mode("right", to(1.0))],
+        start={"x": 0.0, "v": 0.0},
+        mode="left",
+    )
+    run = simulate(two, 1.0, mode="right", **PLAIN)
+    view = phase_portrait(run, starts=[[0.0, 0.0]])
+    made = next(part.runs for part in view.layers if hasattr(part, "runs"))
+    assert made[0].mode[0] == "right"
+    np.testing.assert_allclose(made[0]["x"][-1], run["x"][-1], rtol=1e-9)
+
+
+def test_a_portrait_follows_a_variant_of_its_system():
+    def turning(sign):
+        return System(
+            "turning",
+            {"x": "m", "v": "m/s"},
+            {},
+            [Mode("motion", lambda t, s, p: (s.v, sign * s.x))],
+            start={"x": 1.0, "v": 0.0},
+        )
+
+    view = phase_portrait(simulate(turning(-1.0), 1.0, **PLAIN), limits=BOX)
+    assert view.equilibria[0][3] == "centre"
+    view.update(simulate(turning(1.0), 1.0, **PLAIN))
+    assert view.equilibria[0][3].startswith("saddle")
+
+
+def test_separatrices_of_a_pendulum_lie_on_its_energy():
+    """Into and out of the upper rest: w²/2 − cos θ = 1, of which both halves are drawn."""
+    pendulum = System(
+        "pendulum",
+        {"theta": "rad", "w": "rad/s"},
+        {"d": 0.0},
+        [Mode("motion", lambda t, s, p: (s.w, -sin(s.theta) - p.d * s.w))],
+        start={"theta": 1.0, "w": 0.0},
+    )
+    limits = ((-5.0, 5.0), (-3.0, 3.0))
+    into, out = separatrices(Plane(pendulum), limits)
+    assert len(into) == len(out) == 4
+    for curve in into + out:
+        theta, w = curve.T
+        assert np.abs(w**2 / 2 - np.cos(theta) - 1).max() < 1e-5
+        assert abs(abs(theta[0]) - math.pi) < 1e-9 and w[0] == 0  # from a saddle
+    assert max(np.ptp(curve[:, 0]) for curve in into) > 6.1  # to the other one
+    view = phase_portrait(pendulum, limits=limits, starts=0, horizon=1.0, **PLAIN)
+    layer = next(part for part in view.layers if type(part).__name__ == "Separatrices")
+    assert [name for _, name in layer.legend()] == ["into the saddle", "out of the saddle"]
+    alone = phase_portrait(
+        pendulum, limits=((-1.0, 1.0), (-1.0, 1.0)), starts=0, horizon=1.0, **PLAIN
+    )
+    assert "into the saddle" not in [t.get_text() for t in alone.axes.get_legend().get_texts()]
+    off = phase_portrait(pendulum, limits=limits, starts=0, horizon=1, separatrices=False, **PLAIN)
+    assert all(type(part).__name__ != "Separatrices" for part in off.layers)
+
+
+def test_separatrices_with_damping_split_the_ways():
+    """A trajectory just below the curve into the saddle stays left of it, one just above passes."""
+    pendulum = System(
+        "pendulum",
+        {"theta": "rad", "w": "rad/s"},
+        {"d": 0.2},
+        [Mode("motion", lambda t, s, p: (s.w, -sin(s.theta) - p.d * s.w))],
+        start={"theta": 0.0, "w": 0.0},
+    )
+    into, _ = separatrices(Plane(pendulum), ((-1.0, 7.0), (-3.0, 3.0)))
+    curve = next(curve for curve in into if curve[-1, 0] < 0)
+    w = np.interp(0.0, curve[::-1, 0], curve[::-1, 1])
+    for share, passes in ((0.999, False), (1.001, True)):
+        run = simulate(pendulum, 30.0, start={"w": share * w}, **PLAIN)
+        assert (run["theta"].max() > 4.0) == passes
+
+
+def test_a_virtual_saddle_has_no_separatrices():
+    """Beyond its own guard, where its mode does not hold; inside they end at the guard."""
+
+    def system(rest):
+        return System(
+            "wall",
+            {"x": "m", "v": "m/s"},
+            {},
+            [Mode("motion", lambda t, s, p: (s.v, s.x - rest))],
+            [
+                Transition(
+                    "motion",
+                    "motion",
+                    guard=lambda t, s, p: s.x,
+                    direction=-1,
+                    reset=lambda t, s, p: (0.0, -s.v),
+                )
+            ],
+            start={"x": 1.0, "v": 0.0},
+        )
+
+    assert separatrices(Plane(system(-1.0)), BOX) == ([], [])
+    into, out = separatrices(Plane(system(1.0)), BOX)
+    assert len(into) == len(out) == 2
+    for curve in into + out:
+        np.testing.assert_allclose(np.abs(curve[:, 0] - 1.0), np.abs(curve[:, 1]), atol=1e-6)
+        assert curve[:, 0].min() > -0.1
+
+
+def test_the_legend_lists_only_nullclines_that_are_there_and_follows():
+    view = phase_portrait(linear([[-1, 0], [0, -1]], b=(0.0, 5.0)), starts=0, limits=BOX, horizon=1)
+    names = [text.get_text() for text in view.axes.get_legend().get_texts()]
+    assert names == ["d$x$/d$t$ = 0"]  # dv/dt = 0 lies outside
+    view.update(simulate(view.system, 1.0, a22=-4.0, **PLAIN))
+    assert view.relimited
+    names = [text.get_text() for text in view.axes.get_legend().get_texts()]
+    assert names == ["d$x$/d$t$ = 0", "d$v$/d$t$ = 0"]
+
+
+def test_a_name_that_is_both_option_and_parameter_is_refused():
+    tank = System(
+        "tank",
+        {"x": "m", "v": "m/s"},
+        {"height": 2.0, "width": 1.0, "limits": 0.0, "at": 1.0, "verdict": 3.0, "sliders": 1.0},
+        [Mode("m", lambda t, s, p: (s.v, -p.height * s.x))],
+        start={"x": 1.0, "v": 0.0},
+    )
+    run = simulate(tank, 1.0, height=3.0, **PLAIN)
+    assert phase_portrait(run).plane.p.height == 3.0
+    for call in (
+        lambda: phase_portrait(tank, horizon=1.0, height=3.0),
+        lambda: phase_portrait(run, at=3.0),
+        lambda: equilibria(tank, limits=BOX),
+        lambda: time_plot(run, "x", width=3.0),
+        lambda: curves(run, lambda run: {}, height=3.0),
+        lambda: planes(run, None, height=2.0),
+        lambda: explore(tank, 1.0, sliders=0.3),
+        lambda: explore(system=tank, horizon=1.0, verdict=0.3),
+    ):
+        with pytest.raises(ModelError, match="is an option of .* and a parameter of 'tank'"):
+            call()
+
+
+def test_views_in_two_figures_are_refused(ball):
+    run = simulate(ball, 1.0, **PLAIN)
+    with pytest.raises(ModelError, match="view 2 of 2, TimePlot, was drawn into another figure"):
+        Together(time_plot(run, "y"), time_plot(run, "v"))
 
 
 def test_portrait_refuses_nonsense(ball):

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from labkit.equations import Untraced, equations, jacobian, mode_diagram, parameter_table
 from labkit.model import At, Every, Mode, ModelError, Output, Parameter, System, Transition
-from labkit.show import Table, latex_name
+from labkit.show import latex_name
+from labkit.table import Table
 
 HERE = Path(__file__).resolve().parent.parent
 RATIO = 1.7
@@ -464,7 +465,7 @@ def test_parameter_table():
     assert table.rows[0] == ("$m$", "`m`", "mass", "1", "kg", "0.1 … 5")
     assert table.rows[1][-1] == "≥ 0" and table.rows[2] == ("$V_{p}$", "`Vp`", "", "2", "", "any")
     assert table.rows[5][0] == r"$\hat V$"
-    assert "| $F_{s}$ | `Fs` |  | 5.88 |  | any |" in table._repr_markdown_()
+    assert "<code>Fs</code>" in table._repr_html_() and ">5.88</td>" in table._repr_html_()
     assert "5.88" in repr(table)
     big = System(
         "b",

@@ -9,12 +9,33 @@ from .helpers import ROOT
 
 # Rooms that have been put in order; the others follow when they are next touched
 CLEAN = [
-    *("ledger", "model", "rebind", "run", "runs", "trace"),
+    *(
+        "cycles",
+        "ledger",
+        "model",
+        "poincare",
+        "portions",
+        "progress",
+        "rebind",
+        "run",
+        "runs",
+        "shooting",
+        "sweeps",
+        "table",
+        "trace",
+    ),
     "solve",
 ]
 PATHS = [
     *(f"labkit/{name}" if name == "solve" else f"labkit/{name}.py" for name in CLEAN),
     *("tests/coincidences", "tests/test_coincidences.py", "tests/test_style.py"),
+    *(
+        "labkit/draw/maps.py",
+        "tests/test_cycles.py",
+        "tests/test_sweep.py",
+        "tests/test_table.py",
+        "tests/test_variant.py",
+    ),
 ]
 
 

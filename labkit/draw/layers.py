@@ -19,12 +19,21 @@ from matplotlib.path import Path
 from ..model import ModelError
 from ..run import Run
 from ..runs import Runs
-from .figure import DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
-from .plane import GRID, Limits, Plane, contour, find_equilibria
-from .time import _jumps, _segments
+from .figure import COLORS, DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
+from .plane import GRID, Limits, Plane, contour, find_equilibria, separatrices
+from .private import reshape
+from .time import _jumps, _sample, _segments
 from .view import View
 
-__all__ = ["DirectionField", "Equilibria", "GuardLines", "Layer", "Nullclines", "Trajectories"]
+__all__ = [
+    "DirectionField",
+    "Equilibria",
+    "GuardLines",
+    "Layer",
+    "Nullclines",
+    "Separatrices",
+    "Trajectories",
+]
 
 
 class Layer(View):
@@ -63,7 +72,7 @@ class Layer(View):
 
     def update(self, run: Run | Runs) -> None:
         """layer.update(run): the layer for the parameters of another run."""
-        self.plane.p = run.p if isinstance(run, Run) else run.p[0]
+        self.plane.follow(run if isinstance(run, Run) else run[0])
         self.redo()
 
     def legend(self) -> list[tuple[Artist, str]]:
@@ -173,18 +182,34 @@ class Nullclines(Layer):
         names = [rf"d{symbol(name)}/d$t$ = 0" for name in (self.plane.x, self.plane.y)]
         return [
             (
-                Line2D(
-                    [],
-                    [],
-                    color=INK,
-                    linewidth=1.1,
-                    alpha=0.75,
-                    linestyle=line._unscaled_dash_pattern,
-                ),
+                _sample(line),
                 name,
             )
             for line, name in zip(self.lines, names, strict=True)
+            if len(line.get_xdata())
         ]
+
+
+class Separatrices(Layer):
+    """The two curves into each saddle (full) and the two out of it (dashed), see `separatrices`."""
+
+    def __init__(self, axes: Axes, plane: Plane):
+        super().__init__(axes, plane)
+        look = {"color": COLORS[3], "linewidth": 1.8, "zorder": 3.4, "dash_capstyle": "butt"}
+        self.lines = [
+            self._add(Line2D([], [], linestyle=dash, **look)) for dash in ("-", (0, (6, 2)))
+        ]
+        self.redo()
+
+    def redo(self) -> None:
+        found = separatrices(self.plane, self.limits)
+        for line, curves in zip(self.lines, found, strict=True):
+            line.set_data(*_strung(curves))
+
+    def legend(self) -> list[tuple[Artist, str]]:
+        names = ("into the saddle", "out of the saddle")
+        pairs = zip(self.lines, names, strict=True)
+        return [(_sample(line), name) for line, name in pairs if len(line.get_xdata())]
 
 
 class Equilibria(Layer):
@@ -271,9 +296,10 @@ class Equilibria(Layer):
     ) -> tuple[int, int]:
         """The corner of a mark where its words meet neither edge nor others; estimated."""
         dpi = self.figure.dpi
-        w, h = 0.075 * letters * dpi / self.axes.bbox.width, 0.36 * dpi / self.axes.bbox.height
+        wide = 0.85 * self.axes.bbox.width / dpi  # the layout makes room for a legend later
+        w, h, off = 0.075 * letters / wide, 0.36 * dpi / self.axes.bbox.height, 0.125 / wide
         corners = [
-            (side, up, min(x, x + side * w), min(y, y + up * h))
+            (side, up, min(x + side * off, x + side * (off + w)), min(y, y + up * h))
             for up in (1, -1)
             for side in (1, -1)
         ]
@@ -539,7 +565,7 @@ class Trajectories(Layer):
         ) * [(x1 - x0) / shape, y1 - y0] + [x0, y0]
         for i, head in enumerate(self.heads):
             mine = corners[modes[at] == i]
-            head.set_path(Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
+            reshape(head, Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
 
     def legend(self) -> list[tuple[Artist, str]]:
         looks = zip(self.colors.items(), self.dashes, strict=True)

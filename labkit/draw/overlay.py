@@ -140,24 +140,24 @@ class Overlay(View):
         """Nothing: what stands here belongs to instants and to other runs."""
 
     def point(self, run: Run, t: float | None) -> None:
-        values = {} if t is None else {"t": t, **run.at(t)}
         for show, line, dot in zip(self.shows, self.lines, self.dots, strict=True):
-            there = [name for name in show.names if name in values and show.x in values]
-            dot.set_data([values[show.x] for _ in there], [values[name] for name in there])
+            there = [] if t is None else show.points(run, t)
+            dot.set_data([x for x, _ in there], [y for _, y in there])
             line.set_data(*(([t, t], [0, 1]) if there and show.x == "t" else ([], [])))
 
     def hold(self, run: Run | None) -> None:
         for show, lines in zip(self.shows, self.ghosts, strict=True):
             for name, line in zip(show.names, lines, strict=True):
-                line.set_data(
-                    ([], [])
-                    if run is None
-                    else (run.t if show.x == "t" else run[show.x], run[name])
-                )
+                line.set_data(*(([], []) if run is None else show.curve(run, name)))
 
     def add(self, runs: Sequence[Run]) -> None:
         for show, curve, starts in zip(self.shows, self.curves, self.starts, strict=True):
             if show.plane:
+                runs = [one for run in runs for one in _each(run)]
                 paths = [np.column_stack([run[show.x], run[show.names[0]]]) for run in runs]
                 curve.set_data(*_strung(paths))
                 starts.set_data([path[0, 0] for path in paths], [path[0, 1] for path in paths])
+
+
+def _each(run: Run | Mapping[str, Run]) -> list[Run]:
+    return list(run.values()) if isinstance(run, Mapping) else [run]

@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
-from ..model import ModelError, System, listed
+from ..model import ModelError, System, listed, unambiguous
 from ..run import Run
 from ..runs import Runs
 from .figure import (
@@ -36,6 +36,7 @@ from .figure import (
     symbol,
     tint,
 )
+from .private import reshape
 from .view import Shows, View, Window, extent
 
 __all__ = ["TimePlot", "time_plot"]
@@ -45,6 +46,7 @@ Data = Run | Runs | Sequence[Run | Runs] | Mapping[str, Run | Runs]
 FEW = 60
 
 
+@unambiguous
 def time_plot(
     run: Data,
     *names: str | tuple[str, ...],
@@ -391,7 +393,7 @@ class _Modes:
         few = len(index) <= FEW
         height = 1.0 if few else 0.035
         for i, (patch, color) in enumerate(zip(self.artists, self.colors.values(), strict=True)):
-            patch.set_path(_boxes(left[index == i], right[index == i], height))
+            reshape(patch, _boxes(left[index == i], right[index == i], height))
             patch.set_facecolor(
                 (*to_rgb(color), BANDS[i % len(BANDS)] if few else 0.8)
             )  # see-through: a panel may draw it over the grid
