@@ -38,7 +38,8 @@ def faded(settings: Settings, pieces: np.ndarray, p: tuple) -> list[str]:
             if begin == 0 or end - begin < 2:  # a small start, or a state that changes its sign
                 continue
             deepest, last = begin + int(np.argmin(sizes[begin:end, k])), end - 1
-            grown = max(sizes[last:, k].max() / floor[last], sizes[last, k] / sizes[deepest, k])
+            least_size = max(sizes[deepest, k], 1e-300)
+            grown = max(sizes[last:, k].max() / floor[last], sizes[last, k] / least_size)
             names = list(settings.system.states_of(settings.modes[mode_of[last]]))
             if grown > _GROWN and k < len(names) and _by_itself(settings, pieces[last], k, p):
                 found.setdefault(names[k], (floor[last], pieces[deepest, 0]))
