@@ -16,7 +16,7 @@ whose side has changed waits for its transition to act (w.wait). Its slot is its
 from math import isfinite
 
 from .layout import *
-from .sliding import rates, watch, watch_count, watched
+from .sliding import kept_state, rates, watch, watch_count, watched
 
 SHAKE = 9.5367431640625e-07  # 2⁻²⁰
 DOUBT = 64.0  # roundings: what a guard's terms are off by after some steps
@@ -363,13 +363,9 @@ def turned_back(model, w, p, mode, n, t, k, band, now):
 
     It has the far side of the arrival: the sign of its slope along the flow of the mode before.
     """
-    line = w.ledger[w.i[LEDGER] - 1]
-    before = int(line[3])
-    if before < 0 or w.size[before] != n:
+    before = int(w.ledger[w.i[LEDGER] - 1][3])
+    if before < 0 or w.size[before] != n or kept_state(w, n) == 0:
         return 0
-    for i in range(n):
-        if abs(line[5 + i] - w.y[i]) > 64.0 * EPS * w.most[i]:
-            return 0
     flow(model, before, t, w.y, p, w.ahead[1])
     w.i[FLOWS] += 1
     e = nearby(w, t)
