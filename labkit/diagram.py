@@ -1,12 +1,12 @@
 """The modes of a system and the transitions between them as a picture.
 
-Boxes in a row, arcs above (forward) and below (back).
+Boxes stand in a row, with arcs above (forward) and below (back).
 
     mode_diagram(boost)
 
-In a row arcs nest and never meet a box, whatever the graph. Every label is measured and set at the
-lowest height where it meets neither another label nor another arc (in a crowd perhaps a line, never
-a label). One data unit is one inch.
+In a row arcs nest and never meet a box, whatever the graph. Every label is measured and set at
+the lowest height where it meets neither another label nor another arc (in a crowd perhaps a line,
+never a label). One data unit is one inch.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from .draw.figure import INK, Figure, figure, mode_colors, style, tint
-from .equations import Equations, equations
+from .equations import Equations, check_system, equations
 from .model import At, Every, System, Transition
 
 __all__ = ["mode_diagram"]
@@ -62,13 +62,13 @@ class _Arc:
 
 
 def mode_diagram(system: System) -> Figure:
-    """mode_diagram(system) -> figure: the modes and the transitions between them.
+    """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as arrows.
 
-    Modes as boxes in their colours, transitions as labelled arrows, dot = start, ring = end.
-
-    Under a transition's name stands its condition: y ↓ 0 means that y falls through 0. Dashed:
-    taken when events pile up (Zeno).
+    The dot is the start, the ring the end. Under a transition's name stands its condition: y ↓ 0
+    means that y falls through 0. Dashed: taken when events pile up (Zeno). Raises ModelError for
+    what is no System.
     """
+    check_system(system, "mode_diagram")
     with style():
         fig = figure()
         fig.set_layout_engine("none")
@@ -161,12 +161,12 @@ def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
     return axes.text(
         0,
         0,
-        words.replace("\\frac", "\\dfrac"),  # as large as the words beside it
+        words,
         ha="center",
         va="center",
         fontsize=size,
         color=INK,
-        linespacing=2.3 if "\\frac" in words else 1.25,
+        linespacing=2.0 if "\\frac" in words else 1.25,
         zorder=5,
         **options,
     )
@@ -195,7 +195,7 @@ def _place_nodes(nodes: list[_Node], arcs: list[_Arc]) -> None:
 def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
     """Spread the arcs over the top and bottom edges so that those of one box nest.
 
-    Short ones lie outside, self loops amid.
+    Short ones are outside, self loops amid.
     """
     for i, node in enumerate(nodes):
         for side in (1, -1):
@@ -220,10 +220,7 @@ def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
 
 
 def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
-    """Short arcs first, each as low as its label allows.
-
-    And as the arcs and labels that lie already allow.
-    """
+    """Short arcs first; each as low as its label, and what lies already, allow."""
     done: list[_Arc] = []
     for arc in sorted(arcs, key=lambda arc: abs(arc.ends[0] - arc.ends[1])):
         span = abs(arc.ends[0] - arc.ends[1])
@@ -268,10 +265,7 @@ def _shape(nodes: list[_Node], arc: _Arc, height: float) -> None:
 
 
 def _clash(a: _Arc, b: _Arc) -> int:
-    """How bad it is that two arcs lie as they do.
-
-    100 for a label on a label, 1 for a label on a line.
-    """
+    """How bad it is that two arcs lie as they do: 100 a label on a label, 1 a label on a line."""
     count = 100 * int(
         a.box is not None and b.box is not None and a.box.padded(CLEAR).overlaps(b.box)
     )

@@ -1583,3 +1583,20 @@ def test_the_time_axis_follows_the_end_of_the_run_both_ways():
     for end, shown in ((20.0, 20.0), (10.0, 10.0), (15.0, 15.0), (10.0, 10.0), (4.0, 10.0)):
         view.update(simulate(system, end))
         assert view.axes[0].get_xlim() == (0.0, shown)
+
+
+def test_a_mode_at_rest_has_no_guard_lines_in_the_plane():
+    from labkit import characteristic
+
+    relay = characteristic("relay")
+    system = System(
+        "second",
+        {"x": "", "v": ""},
+        {"K": 1.0},
+        **relay.modes(lambda t, s, p, F: (s.v, -F - s.x)),
+        start={"x": 1.0, "v": 0.0},
+    )
+    portrait = phase_portrait(system, "x", "v", starts=0, horizon=1.0, limits=((-2, 2), (-2, 2)))
+    said = [text.get_text() for text in portrait.axes.texts if text.get_visible()]
+    assert any("through 0" in words for words in said)
+    assert not any("leaves" in words for words in said)

@@ -320,7 +320,8 @@ class Equilibria(Layer):
 class GuardLines(Layer):
     """Where the guards of the shown modes are zero: dashed, in the mode's colour, named.
 
-    Guards that change with time have no fixed line; `omitted` names them.
+    Guards that change with time have no fixed line; `omitted` names them. A mode in which the point
+    of the plane stands still (a body at rest) has none in it.
     """
 
     def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
@@ -368,12 +369,13 @@ class GuardLines(Layer):
         self.curves: dict[tuple[str, int], list[np.ndarray]] = {}
         for mode, line in self.lines.items():
             curves = []
+            still = self.plane.stands_still(mode, limits)
             for i in self.plane.system.leaving[mode]:
                 if (mode, i) not in self.words:
                     continue
                 transition = self.plane.system.transitions[i]
                 found: list[np.ndarray] = []
-                if transition.guard is None:
+                if transition.guard is None or still:  # nothing moves across its guards
                     pass
                 elif self.plane.guard_depends_on_time(transition, mode, limits):
                     self.omitted.append(transition.name)

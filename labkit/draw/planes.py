@@ -112,7 +112,8 @@ class Planes(View):
             )
             letter = split_name(first)[0]
             letter = f"${letter}$" if letter.startswith("\\") else letter
-            head(self.axes[1], f"{letter}-plane: after S", entries)
+            # beside two entries there is no room for more words
+            head(self.axes[1], f"{letter}-plane" + ("" if shaded else ": after S"), entries)
             units = {self.system.unit(name) for name in (first, second)}
             of_z = f" [{units.pop()}]" if len(units) == 1 and units != {""} else ""
             self.axes[0].set(xlabel=f"$z_1${of_z}", ylabel=f"$z_2${of_z}")
