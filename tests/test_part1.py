@@ -302,7 +302,7 @@ def test_03_no_mirror_changes_a_star_and_no_measurement_finds_one():
 def test_04_every_galaxy_is_the_centre():
     book = load(assignment(1, 4).path)
     system = book["system"]
-    for phi in np.linspace(-3.2, 3.2, 9):
+    for phi in np.linspace(-180, 180, 9):
         assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(
             0.07 * np.eye(2), abs=1e-16
         )
@@ -310,7 +310,7 @@ def test_04_every_galaxy_is_the_centre():
     centre, other = ({"s1": 0.6, "s2": 0.3}, {"s1": -0.2, "s2": 0.9})
     a, b = (simulate(system, 30.0, start=s, rtol=1e-11, atol=1e-13) for s in (centre, other))
     seen = simulate(
-        system, 30.0, start={"s1": -0.8, "s2": 0.6}, b1=0.0, b2=0.0, rtol=1e-11, atol=1e-13
+        system, 30.0, start={"s1": -0.8, "s2": 0.6}, o1=0.0, o2=0.0, rtol=1e-11, atol=1e-13
     )
     for name in ("s1", "s2"):
         assert b[name] - a[name] == pytest.approx(seen[name], abs=1e-8)
@@ -321,8 +321,15 @@ def test_04_every_galaxy_is_the_centre():
     ):
         run = simulate(system, 30.0, method=method, step=1.0)
         assert (run["s1"][-1] - 0.5) / 0.4 == pytest.approx(factor**30, rel=1e-12)
-    z = 0.07 * 3.9
-    assert 1 - np.log(1 + z + z * z / 2) / z == pytest.approx(0.01, abs=2e-4)  # task 3
+    assert [str(rate) for rate in book["traced"].values()] == ["a*(-o1 + s1)", "a*(-o2 + s2)"]
+    assert book["share"] == pytest.approx(1e-6, rel=1e-4)
+    found = book["solutions"]
+    z = 0.07 * found["Heun"]
+    assert 1 - np.log(1 + z + z * z / 2) / z == pytest.approx(0.01, abs=1e-9)
+    assert (found["hundred"], found["square"]) == pytest.approx((65.79, 69.31), abs=0.01)
+    uneven = system.values({"extra": 0.01, "phi": 77.0})  # now the angle counts
+    G = np.array(book["parts"](uneven)[1].S)
+    assert affine(system, uneven)[0] == pytest.approx(G @ np.diag([0.08, 0.07]) @ G.T)
 
 
 @pytest.mark.skipif(5 not in NUMBERS, reason="not written")
