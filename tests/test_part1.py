@@ -357,9 +357,27 @@ def test_05_one_direction_and_a_factor_t():
         M = A * np.array([[1, 1 + epsilon], [1, 1]])
         assert np.abs(np.linalg.eigvals(M) + 2).max() == pytest.approx(2 * epsilon**0.5, rel=1e-2)
         assert np.abs(exact(M, (0, 0), (0, 1), t) - exact(A, (0, 0), (0, 1), t)).max() < epsilon
+        M = np.array([[-4 * (1 - epsilon), -4], [1, 0]])  # of the damping, not of the spring
+        shift = np.abs(np.linalg.eigvals(M) + 2).max()
+        assert shift == pytest.approx(2 * (2 * epsilon) ** 0.5, rel=1e-2)
+    assert book["millionth"] == pytest.approx(2.83e-3, rel=1e-3)
     for h, grows in ((0.95, False), (1.0, True)):
-        run = simulate(system, 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201))
+        run = simulate(book["free"], 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201))
         assert bool(np.hypot(run["s1"], run["s2"] - 0.25)[-1] > 100) is grows
+    slammed = simulate(system, 6.0, start={"s1": -5.0, "s2": 1.25}, rtol=1e-10)
+    (hit,) = slammed.events["hits the frame"].t  # the door does not go through its frame
+    assert (1 - 3 * hit) * np.exp(-2 * hit) == pytest.approx(-0.25, abs=1e-9)
+    assert slammed["s2"].min() > -1e-9 and slammed.stopped.startswith("terminal event")
+    v = book["slam"]  # lowest angle: y2 = (1 - (v - 2) t) e^{-2t}, where its rate is zero
+    low = 1 / (v - 2) + 0.5
+    assert (1 - (v - 2) * low) * np.exp(-2 * low) == pytest.approx(-0.25, abs=1e-6)
+    found = book["solutions"]
+    assert (found["one second"], found["first axis"]) == pytest.approx((3, 1))
+    assert found["settled"] == pytest.approx([1.88, 2.92], abs=0.005)
+    for c in (1.6, 4.0, 8.0):  # S Λ S⁻¹ = A on both sides of the border
+        p = system.values({"c": c})
+        Lambda, (S, inverse) = book["parts"](p)
+        assert S @ Lambda @ inverse == pytest.approx(affine(system, p)[0])
 
 
 @pytest.mark.skipif(6 not in NUMBERS, reason="not written")
