@@ -408,6 +408,22 @@ def test_06_growth_that_feeds_growth():
         )
     mother = simulate(system, 12.0, start={"s1": 1.99, "s2": 2.0})
     assert np.interp(0, -mother["s1"], mother.t) == pytest.approx(2 * np.log(200), rel=1e-4)
+    assert mother.events[0].transition == "mother bankrupt" and mother["s1"].min() > -1e-7
+    lost = simulate(system, 6.0, start={"s1": 1.9, "s2": 1.0}, rtol=1e-10)
+    (hit,) = lost.events["daughter bankrupt"].t  # y2 = −0.1·0.5 t e^{t/2} = −1
+    assert hit * np.exp(hit / 2) == pytest.approx(20, rel=1e-8)
+    assert len(lost.events) == 1 and lost["s2"].min() > -1e-7
+    found = book["solutions"]
+    assert found["expenses"] == pytest.approx([1.5, 3]) and found["d"] == pytest.approx(0)
+    assert found["start"] == pytest.approx(2 - 2 * np.exp(-10))
+    for delta in (0.15, 0.005):  # S Λ S⁻¹ = A beside the border, too
+        p = system.values({"delta": delta, "mu": 1.5})
+        Lambda, (S, inverse) = book["parts"](p)
+        assert S @ Lambda @ inverse == pytest.approx(affine(system, p)[0])
+    faster = exact(affine(system, system.values({"delta": 0.005}))[0], (0, 0), (0.1, 0), [5.0])
+    assert faster[0, 1] / exact(A, (0, 0), (0.1, 0), [5.0])[0, 1] == pytest.approx(
+        (np.exp(0.025) - 1) / 0.025, rel=1e-9
+    )
 
 
 @pytest.mark.skipif(7 not in NUMBERS, reason="not written")
