@@ -15,6 +15,7 @@ from labkit import (
     exact,
     explore,
     planes,
+    reflection,
     simulate,
     true_error,
 )
@@ -362,7 +363,9 @@ def test_05_one_direction_and_a_factor_t():
         assert shift == pytest.approx(2 * (2 * epsilon) ** 0.5, rel=1e-2)
     assert book["millionth"] == pytest.approx(2.83e-3, rel=1e-3)
     for h, grows in ((0.95, False), (1.0, True)):
-        run = simulate(book["free"], 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201))
+        run = simulate(
+            book["free"], 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201)
+        )
         assert bool(np.hypot(run["s1"], run["s2"] - 0.25)[-1] > 100) is grows
     slammed = simulate(system, 6.0, start={"s1": -5.0, "s2": 1.25}, rtol=1e-10)
     (hit,) = slammed.events["hits the frame"].t  # the door does not go through its frame
@@ -437,30 +440,25 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
     assert pytest.approx(np.array([[-1, -3], [-3, -1]]) / 2) == A and b == pytest.approx(
         [4 * 1.2 / 2] * 2
     )  # g = 3, τ = 2 ns, s* = 1.2 V
-    for delta in (1e-1, 1e-4, 1e-8):
-        run = simulate(
-            system,
-            30.0,
-            start={"s1": 2.2, "s2": 2.2 - delta},
-            points=30_001,
-            rtol=1e-12,
-            atol=1e-15,
-        )
-        assert run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)] == pytest.approx(
-            np.log(1.2 / delta), abs=0.01
-        )
-    run = simulate(system, 60.0, start={"s1": 2.2, "s2": 2.2}, method="RK45", rtol=1e-4, atol=1e-6)
-    left = run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)]
-    assert (
-        left == 0 or 30 < left < 45
-    )  # by rounding alone, and not at all where rounding happens to be symmetric
+    for delta in (1e-1, 1e-4, 1e-8):  # at a rail when the difference is as large as the supply
+        run = simulate(system, 30.0, start={"s1": 2.2, "s2": 2.2 - delta}, rtol=1e-12)
+        (left,) = run.events["left high"].t
+        assert left == pytest.approx(np.log(2.4 / delta), abs=0.002) and run.t[-1] == left
+        both = np.array([run["s1"], run["s2"]])
+        assert both.min() > -1e-9 and both.max() < 2.4 + 1e-9  # not beyond the rails
+    for options in ({"method": "RK45", "rtol": 1e-4}, {"method": "DOP853", "rtol": 1e-12}):
+        run = simulate(system, 60.0, start={"s1": 2.2, "s2": 2.2}, **options)
+        assert np.all(run["s1"] == run["s2"]) and not len(run.events)  # its rounding is symmetric
+        run = simulate(book["system_two"], 60.0, start={"y1": 1.0, "y2": 1.0}, **options)
+        left = run.t[np.argmax(np.abs(run["y1"] - run["y2"]) > 2.4)]
+        assert 30 < left < 45  # by rounding alone
     nearest = [
         np.hypot(*(exact(A, b, s, np.linspace(0, 4, 4001)) - 1.2).T).min()
         for s in ((2.2, 2.15), (0.1, 0.3))
     ]
     assert nearest == pytest.approx([0.16, 0.42], abs=0.005)  # task 3
     euler = simulate(
-        system,
+        book["no_rails"],
         12.0,
         method="Euler",
         step=1.2,
@@ -468,6 +466,17 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
         points=np.linspace(0, 12, 11),
     )
     assert euler["s1"] + euler["s2"] - 2.4 == pytest.approx(2 * (-1.4) ** np.arange(11), rel=1e-6)
+    start = dict(zip(system.states, book["begin"], strict=True))
+    past = simulate(book["past"], 6.9, start=start, rtol=1e-12)
+    beside = past.final["s1"] - past.final["s2"]
+    assert beside == pytest.approx(2**0.5 * 1e-9 * np.exp(-6.9), rel=1e-2)  # 1.43e-12 V, not 0
+    found = book["solutions"]
+    assert found["small"] == pytest.approx(4.947e-9, rel=1e-3) and found["faster"] == 2
+    assert found["nearest"] == pytest.approx(nearest)
+    assert np.sign(reflection((1.0, found["u2"])).S[0, 1]) == -1
+    written = simulate(system, 20.0, start={"s1": 1.2, "s2": 1.2}, w=0.5)
+    assert written.events[0].transition == "left high"  # the write line pushes the left output up
+    assert book["times"][-1] == pytest.approx(np.log(2.4 / (1 - 0.5 / 20_000)), abs=1e-6)
 
 
 @pytest.mark.skipif(8 not in NUMBERS, reason="not written")
