@@ -26,7 +26,7 @@ START = """async ([code, spec, first]) => {
     const { default: widget } = await import(URL.createObjectURL(new Blob([code], { type: 'text/javascript' })));
     let hear;
     const send = (message) => window.ask(message).then(([content, buffers]) => hear(content, buffers.map(bytes)));
-    const model = { get: (name) => (name === 'spec' ? spec : bytes(first)), on: (_, listener) => (hear = listener), off: () => {}, send };
+    const model = { get: (name) => (name === 'spec' ? spec : bytes(first)), on: (name, listener) => { if (name === 'msg:custom') hear = listener; }, off: () => {}, send };
     widget.render({ model, el: document.getElementById('panel') });
 }"""
 

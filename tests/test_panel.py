@@ -23,7 +23,7 @@ from labkit import (
     simulate,
     time_plot,
 )
-from labkit.controls import _nice, _span, _symbol
+from labkit.controls import _nice, _span, symbol_and_index
 from labkit.panel import _verdict
 
 from .systems import ball, stick_slip
@@ -230,7 +230,7 @@ def test_steps_are_round_numbers(value):
     ],
 )
 def test_names_are_shown_as_letters(name, latex, shown):
-    assert _symbol(name, latex) == shown
+    assert symbol_and_index(name, latex) == shown
 
 
 # ---- pictures
