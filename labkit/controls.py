@@ -58,7 +58,8 @@ class Control:
 
     def __str__(self) -> str:
         value = self.value if isinstance(self.value, str) else f"{self.value:.6g}".replace("-", "−")
-        return f"{self.name}{self.index} = {value} {self.unit}".strip()
+        index = f"_{self.index}" if self.index and not self.index.isdigit() else self.index
+        return f"{self.name}{index} = {value} {self.unit}".strip()
 
 
 def controls_of(

@@ -210,6 +210,7 @@ function draw(context, op, draft) {
 
 function render({ model, el }) {
   const spec = model.get("spec");
+  const kernel = model.widget_manager?.kernel;
   const me = Math.random().toString(36).slice(2);
   const values = Object.fromEntries(spec.controls.map((control) => [control.key, control.value]));
   const queue = new Map(); // messages that wait, by what they replace
@@ -272,9 +273,7 @@ function render({ model, el }) {
     patience = [400, 900, 8000].map((after) => setTimeout(wait, after, after));
   };
   const wait = (after) => {
-    const { status, connectionStatus } = model.widget_manager?.kernel ?? {};
-    if (/dead|terminating|restarting|unknown/.test(status)) return lose();
-    const cut = /connecting|disconnected/.test(connectionStatus);
+    const cut = kernel && kernel.connectionStatus !== "connected";
     let text = cut ? "no connection to the kernel" : "the kernel is busy";
     if (after > 400) stop();
     if (after > 900) text = `no answer: ${text}; if it does not end, ${again}`;
@@ -761,14 +760,14 @@ function render({ model, el }) {
 
   arrange();
   mark();
-  const probe = () => ask("ready"); // a comm that has died is noticed by sending
+  const ended = (_, status) => (!status || /start|dead|terminating/.test(status)) && lose();
+  for (const signal of ["statusChanged", "disposed"]) kernel?.[signal].connect(ended);
   model.on("msg:custom", answered);
-  model.on("comm_live_status_update", probe);
   bitmap(model.get("first"), { mime: "image/png", size: [canvas.width, canvas.height], seq: 0 });
   ask("ready");
   return () => {
     model.off("msg:custom", answered);
-    model.off("comm_live_status_update", probe);
+    for (const signal of ["statusChanged", "disposed"]) kernel?.[signal].disconnect(ended);
     window.removeEventListener("keydown", keys, true);
     resized.disconnect();
     cancelAnimationFrame(frame);

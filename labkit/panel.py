@@ -148,6 +148,7 @@ class Panel(anywidget.AnyWidget):
         said = _counted(run) if self.verdict is _verdict else self._judge(run)[1]
         fixed = self.defaults.get("method") in FIXED_STEP
         values = [str(one) for one in self.controls if one.only != ("adaptive", "fixed")[not fixed]]
+        values = [value.replace(" ", "\u00a0") for value in values]  # no line breaks inside
         lines = [", ".join(values), self._judge(run)[0], said, "Run this cell for sliders."]
         png, more = _captioned(self.png, self.inches[0], list(filter(None, lines)))
         return {**data, "image/png": png, "text/plain": repr(self)}, {
@@ -673,10 +674,13 @@ def _captioned(png: bytes, width: float, lines: list[str]) -> tuple[bytes, int]:
     fig = figure(0, width=width, height=0.12 + 0.19 * len(rows))
     with style():
         fig.text(0.01, 0.5, "\n".join(rows), va="center", parse_math=False, linespacing=1.25)
-    above, below = (Image.open(io.BytesIO(data)).convert("RGB") for data in (png, fig.png()))
+        fig.canvas.draw()
+    above, below = Image.open(io.BytesIO(png)).convert("RGB"), Image.fromarray(
+        np.asarray(fig.canvas.buffer_rgba())
+    )
     both = Image.new("RGB", (above.width, above.height + below.height), "white")
     both.paste(above, (0, 0))
-    both.paste(below, (0, above.height))
+    both.paste(below.convert("RGB"), (0, above.height))
     return _palette_png(both), round(below.height * CSS_DPI / PNG_DPI)
 
 
