@@ -298,6 +298,9 @@ def test_the_panel(page, lab):
         timeout=1000
     )
     assert panel.locator(".labkit-range:enabled, select:enabled, button:enabled").count() == 0
+    assert until(
+        lambda: all(kernel["execution_state"] == "idle" for kernel in lab.ask("api/kernels"))
+    )
 
     # Without its kernel the saved notebook, which is trusted, shows the picture and no empty widget.
     lab.end_kernels()
@@ -389,9 +392,7 @@ def test_hands_and_keys(page, lab):
     assert verdict_says_nothing_wrong(panel)
     x = value("x")
     press("Escape", "Enter")
-    assert (
-        panel.locator(".labkit-said").inner_text() == "arrow keys move: the time cursor"
-    )
+    assert panel.locator(".labkit-said").inner_text() == "arrow keys move: the time cursor"
     press("Enter")
     assert panel.locator(".labkit-said").inner_text() == "arrow keys move: start"
     press("ArrowLeft", "ArrowLeft")
