@@ -675,8 +675,9 @@ def _captioned(png: bytes, width: float, lines: list[str]) -> tuple[bytes, int]:
     with style():
         fig.text(0.01, 0.5, "\n".join(rows), va="center", parse_math=False, linespacing=1.25)
         fig.canvas.draw()
-    above, below = Image.open(io.BytesIO(png)).convert("RGB"), Image.fromarray(
-        np.asarray(fig.canvas.buffer_rgba())
+    above, below = (
+        Image.open(io.BytesIO(png)).convert("RGB"),
+        Image.fromarray(np.asarray(fig.canvas.buffer_rgba())),
     )
     both = Image.new("RGB", (above.width, above.height + below.height), "white")
     both.paste(above, (0, 0))

@@ -165,8 +165,9 @@ def test_the_page_scrolls_under_a_finger_beside_the_picture_and_over_it(browser,
         assert until(page, lambda: page.evaluate("scrollY") > before + 30)
         page.wait_for_timeout(500)
         assert [(axes.get_xlim(), axes.get_ylim()) for axes in hands.figure.axes] == limits
+        page.evaluate("scrollTo(0, 0)")
         fingers = Fingers(page)
-        fingers.move(((0.75, 0.4), (0.65, 0.4)))
+        fingers.move((inside(hands, 2, 0.7, 0.8), inside(hands, 2, 0.4, 0.8)))
         assert until(page, lambda: hands.figure.axes[2].get_xlim()[0] > -1.5)
         assert page.problems == []
 
@@ -184,6 +185,7 @@ def test_a_finger_moves_a_slider_sideways_only_and_scrubs_the_time(browser, hand
         assert until(page, lambda: page.evaluate("scrollY") > before + 30)
         page.wait_for_timeout(500)
         assert hands.run.p.omega == 2.0 and field(page, "ω").input_value() == "2"
+        page.evaluate("scrollTo(0, 0)")
         fingers.box = range_.bounding_box()
         fingers.tap((0.8, 0.5))
         page.wait_for_timeout(300)

@@ -118,6 +118,8 @@ class Window:
 
     def fit(self, low: float, high: float) -> bool:
         """window.fit(low, high) -> True when the limits had to move. Values that are not finite are ignored."""
+        if self._shown() == self.first:  # brought home by a Reset: no zoom of the user
+            self.now = self.first
         if (
             not (np.isfinite(low) and np.isfinite(high))
             or self._shown() != self.now
