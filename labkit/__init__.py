@@ -20,14 +20,23 @@ gc.set_threshold(max(gc.get_threshold()[0], 10_000), *gc.get_threshold()[1:])
 
 _HOMES = {
     "model": "At Every Held Mode ModelError Output Parameter System Transition",
-    "equations": "equations jacobian mode_diagram parameter_table",
+    "equations": "equations jacobian parameter_table",
+    "diagram": "mode_diagram",
     "solve": "METHODS simulate simulate_many",
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",
-    "draw": "COLORS Handle Motion Sketch View figure mode_colors phase_portrait planes time_plot",
+    "table": "Table",
+    "draw": "COLORS Handle Motion Sketch View curves figure mode_colors phase_portrait planes "
+    "time_plot",
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",
+    "answers": "Check check",
+    "sweeps": "Sweep sweep",
+    "poincare": "Section section",
+    "cycles": "Cycle Monodromy monodromy periodic",
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
+    "families": "decomposition describe family",
+    "characteristics": "Branch Characteristic characteristic from_points",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }
@@ -38,7 +47,11 @@ __all__ = sorted(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"labkit has no {name!r}; it has {', '.join(__all__)}")
-    value = globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    home = _HOME[name]
+    module = import_module(f".{home}", __name__)
+    if home in _HOME:  # equations: importing the module has put it in the place of the function
+        globals()[home] = getattr(module, home)
+    value = globals()[name] = getattr(module, name)
     return value
 
 

@@ -1,18 +1,23 @@
 """python -m labkit: set up the workbook's own environment and open it.
 
-    python -m labkit                   JupyterLab on notebooks/start.ipynb; further words go to JupyterLab
-    python -m labkit show part3/06     one notebook as a page, its code hidden; further words go to Voilà
-    python -m labkit test              all tests and all notebooks; further words go to pytest
-    python -m labkit run [notebook …]  run notebooks (all of them) from the top and save them with their results
+    python -m labkit                   JupyterLab on notebooks/start.ipynb; more words go to it
+    python -m labkit show part3/06     one notebook, live, its code hidden; more words go to Voilà
+    python -m labkit page part3/06     one notebook as a page (HTML) that needs no network
+    python -m labkit run [notebook …]  run notebooks (all of them) from the top and save them
+    python -m labkit test              all tests and all notebooks; more words go to pytest
     python -m labkit setup             only set up
     python -m labkit --here …          use the Python that is running as it is, install nothing
 
-The environment is the folder .venv with exactly the packages of environment.txt. It is made on first use, and brought up
-to date when environment.txt has changed. Until then only Python's standard library is needed here.
+A notebook is named as under notebooks/, or by its beginning, or by the path of one of your own.
+
+The environment is the folder .venv with exactly the packages of environment.txt. It is made on
+first use, and brought up to date when environment.txt has changed. Until then only Python's
+standard library is needed here.
 """
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import importlib.util
 import os
@@ -26,6 +31,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LOCK = ROOT / "environment.txt"
 VENV = ROOT / ".venv"
 OLDEST, NEWEST = (3, 11), (3, 14)
+JUPYTER = Path(__file__).with_name("jupyter")
+COMMANDS = ("lab", "show", "page", "run", "test", "setup", "help")
 
 
 class SetupError(Exception):
@@ -39,34 +46,59 @@ def main(words: list[str]) -> int:
         print(__doc__)
         return 0
     try:
+        command, rest = split(words)
         check_python()
         if not here and Path(sys.prefix).resolve() != VENV.resolve():
             make_environment()
             return hand_over(words)
         if not here:
             fill_environment()
+        return start(command, rest)
     except SetupError as error:
         print(f"\nlabkit: {error}", file=sys.stderr)
         return 1
-    command, rest = (
-        (words[0], words[1:])
-        if words and words[0] in ("show", "test", "run", "setup", "lab")
-        else ("lab", words)
+
+
+def split(words: list[str]) -> tuple[str, list[str]]:
+    """split(["show", "part3/06"]) -> ("show", ["part3/06"]); options and files go to the Lab.
+
+    Raises SetupError for a word that is no command.
+    """
+    if not words or words[0].startswith("-") or Path(words[0]).exists():
+        return "lab", words
+    if words[0] in COMMANDS:
+        return words[0], words[1:]
+    close = difflib.get_close_matches(words[0].lower(), COMMANDS)
+    raise SetupError(
+        f"there is no command {words[0]!r}"
+        + (
+            f"; did you mean {' or '.join(close)}?"
+            if close
+            else f"; there are {', '.join(COMMANDS)}"
+        )
     )
+
+
+def start(command: str, words: list[str]) -> int:
+    """start("page", ["part3/06"]) -> exit code, once the environment is there."""
+    if command == "lab":
+        return lab(words)
     if command == "show":
-        try:
-            return show(rest)
-        except SetupError as error:
-            print(f"labkit: {error}", file=sys.stderr)
-            return 1
+        return show(words)
     if command == "test":
-        return test(rest)
+        return test(words)
     if command == "run":
+        from .course import refresh
         from .notebooks import execute_all
 
         warm()
-        return min(execute_all(rest), 1)
-    return 0 if command == "setup" else lab(rest)
+        failed = execute_all(words)
+        if refresh():
+            print("labkit: notebooks/start.ipynb lists the notebooks that there are now")
+        return min(failed, 1)
+    if command == "page":
+        return page(words)
+    return 0  # setup
 
 
 # ---- the environment
@@ -75,7 +107,8 @@ def main(words: list[str]) -> int:
 def check_python(version: tuple[int, ...] = sys.version_info[:2]) -> None:
     if not OLDEST <= version <= NEWEST:
         raise SetupError(
-            f"this is Python {version[0]}.{version[1]}; labkit needs Python {OLDEST[0]}.{OLDEST[1]} to {NEWEST[0]}.{NEWEST[1]} (python.org/downloads)"
+            f"this is Python {version[0]}.{version[1]}; labkit needs Python "
+            f"{OLDEST[0]}.{OLDEST[1]} to {NEWEST[0]}.{NEWEST[1]} (python.org/downloads)"
         )
 
 
@@ -95,7 +128,8 @@ def make_environment(venv: Path = VENV) -> None:
         return
     if importlib.util.find_spec("venv") is None or importlib.util.find_spec("ensurepip") is None:
         raise SetupError(
-            "this Python has no venv module. On Debian and Ubuntu: sudo apt install python3-venv; then start again"
+            "this Python has no venv module. On Debian and Ubuntu: "
+            "sudo apt install python3-venv; then start again"
         )
     print(f"labkit: making the environment {venv}", flush=True)
     made = subprocess.run(
@@ -114,6 +148,11 @@ def hand_over(words: list[str]) -> int:
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     }
+    return become(command, environment)
+
+
+def become(command: list[str], environment: dict[str, str]) -> int:
+    """Go over into another program, so that what ends this one ends that one."""
     if os.name != "nt":  # there exec returns to the shell at once and leaves the child behind
         sys.stdout.flush()
         os.execve(command[0], command, environment)
@@ -123,9 +162,13 @@ def hand_over(words: list[str]) -> int:
         return 130
 
 
-def fill_environment(purelib: Path | None = None) -> None:
-    """Install what environment.txt says, once for each content of it, and make labkit importable from every folder."""
+def fill_environment(purelib: Path | None = None, prefix: str | Path = sys.prefix) -> None:
+    """Install what environment.txt says, once for each content of it.
+
+    labkit becomes importable from every folder, and every Jupyter of this environment knows it.
+    """
     purelib = purelib or Path(sysconfig.get_path("purelib"))
+    register(Path(prefix))
     stamp, wanted = (
         purelib / "labkit-environment.txt",
         hashlib.sha256(LOCK.read_bytes()).hexdigest(),
@@ -158,8 +201,22 @@ def fill_environment(purelib: Path | None = None) -> None:
     stamp.write_text(wanted)
 
 
+def register(prefix: Path) -> None:
+    """Make `labkit.jupyter` an extension of the Jupyter servers of this environment, however begun.
+
+    `jupyter server extension disable labkit.jupyter --sys-prefix` turns it off for good.
+    """
+    name = "jupyter_server_config.d/labkit.json"
+    place = prefix / "etc" / "jupyter" / name
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(JUPYTER / name, place)
+
+
 def install(command: list[str], packages: int) -> None:
-    """Run pip; on a terminal show how far it is, in a log the end of it. Raises SetupError with pip's last words."""
+    """Run pip; on a terminal show how far it is, in a log the end of it.
+
+    Raises SetupError with pip's last words.
+    """
     lines, count = [], 0
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
@@ -203,7 +260,8 @@ def install(command: list[str], packages: int) -> None:
     raise SetupError(
         f"pip could not install the packages. Its last words:\n{last}\n"
         + (
-            "It seems that there is no network: connect once, then start again (later starts need none)."
+            "It seems that there is no network: "
+            "connect once, then start again (later starts need none)."
             if network
             else "Start again; if it fails the same way, show these lines to your teacher."
         )
@@ -229,7 +287,10 @@ def warm() -> None:
 
 
 def lab_command(*options: str, folder: Path = ROOT) -> list[str]:
-    """lab_command("--no-browser") -> the command line of labkit's JupyterLab over a folder; see lab_environment."""
+    """lab_command("--no-browser") -> the command line of labkit's JupyterLab over a folder.
+
+    See lab_environment.
+    """
     root = ["--allow-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     return [
         sys.executable,
@@ -243,12 +304,14 @@ def lab_command(*options: str, folder: Path = ROOT) -> list[str]:
 
 
 def lab_environment() -> dict[str, str]:
-    """The settings in labkit/jupyter; and the environment's own kernel goes before one of the same name in the user's home."""
-    own = str(Path(__file__).with_name("jupyter"))
+    """The settings in labkit/jupyter.
+
+    The environment's own kernel goes before one of the same name in the user's home.
+    """
     paths = {
-        key: os.pathsep.join(filter(None, [own, os.environ.get(key)]))
+        key: os.pathsep.join(filter(None, [str(JUPYTER), os.environ.get(key)]))
         for key in ("JUPYTER_CONFIG_PATH", "JUPYTER_PATH")
-    }  # settings; Voilà's template
+    }  # settings; templates of Voilà
     return os.environ | paths | {"JUPYTER_PREFER_ENV_PATH": "1"}
 
 
@@ -258,41 +321,31 @@ def lab(options: list[str]) -> int:
         "labkit: JupyterLab opens in your browser; to end it press Ctrl-C twice in this window",
         flush=True,
     )
+    return become(lab_command(*options), lab_environment())
+
+
+def meant(words: list[str]) -> Path:
+    """meant(["part3/06"]) -> the path of that notebook; an unclear name is a SetupError."""
+    from .notebooks import named
+
+    if not words or words[0].startswith("-"):
+        raise SetupError("which notebook? For example: part3/06, or the path of one of your own")
     try:
-        return subprocess.run(lab_command(*options), env=lab_environment()).returncode
-    except KeyboardInterrupt:
-        return 0
+        return named(words[0]).resolve()
+    except LookupError as error:
+        raise SetupError(error.args[0]) from None
 
 
 def show_command(words: list[str]) -> list[str]:
-    """show_command(["part3/06"]) -> the command line of Voilà for the one notebook that is meant; an unclear name is a SetupError."""
-    from .notebooks import found
+    """show_command(["part3/06"]) -> the command line of Voilà for that notebook.
 
-    paths = {
-        path.relative_to(ROOT / "notebooks").with_suffix("").as_posix(): path for path in found()
-    }
-    name = words[0].removesuffix(".ipynb").removeprefix("notebooks/") if words else ""
-    meant = (
-        [name]
-        if name in paths
-        else [
-            known
-            for known in paths
-            if name and (known.startswith(name) or known.rpartition("/")[2].startswith(name))
-        ]
-    )
-    if len(meant) != 1:
-        what = (
-            f"{name!r} is {'no notebook' if not meant else 'not one notebook'}"
-            if name
-            else "which notebook?"
-        )
-        raise SetupError(f"{what}; say one of: {', '.join(meant or paths)}")
+    An unclear name is a SetupError.
+    """
     return [
         sys.executable,
         "-m",
         "voila",
-        str(paths[meant[0]]),
+        str(meant(words)),
         "--template=labkit",
         "--VoilaConfiguration.show_tracebacks=True",
         *words[1:],
@@ -304,17 +357,27 @@ def show(words: list[str]) -> int:
     command = show_command(words)
     warm()
     print(
-        "labkit: the notebook opens in your browser once it has run; to end it press Ctrl-C in this window",
+        "labkit: the notebook opens in your browser once it has run; "
+        "to end it press Ctrl-C in this window",
         flush=True,
     )
-    try:
-        return subprocess.run(command, env=lab_environment()).returncode
-    except KeyboardInterrupt:
-        return 0
+    return become(command, lab_environment())
+
+
+def page(words: list[str]) -> int:
+    """Notebooks as pages, in the folder in which one stands."""
+    from .page import page as write
+
+    for path in [meant([word]) for word in words] or [meant([])]:
+        print(f"labkit: {write(path)}", flush=True)
+    return 0
 
 
 def test(options: list[str]) -> int:
-    """pytest over tests/ and, by nbval, over all notebooks, in two workers; panels try the ends of their sliders."""
+    """pytest over tests/ and, by nbval, over all notebooks, in two workers.
+
+    Panels try the ends of their sliders.
+    """
     tests = ROOT / "tests"
     given = any(Path(word.split("::")[0]).exists() for word in options)
     places = (

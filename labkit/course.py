@@ -1,9 +1,10 @@
-"""The course: which assignments a project number gives, what they ask in a sentence, and which notebooks there are.
+"""The course: which assignments a project number gives, what they ask, and which notebooks exist.
 
     project(13)                    # the three assignments of project 13, with links
-    choose()                       # the same with a slider; in a saved notebook the table of all 30 projects
+    choose()                       # the same with a slider; saved, a table of all 30 projects
     assignment(2, "1.b")           # one of them: .title, .task, .notebook, .exists
-    catalogue()                    # every notebook that exists, and what is still to come
+    catalogue()                    # every notebook that exists, and those that do not yet
+    refresh()                      # the same, written into the start page
 
 Links are relative to notebooks/start.ipynb.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 import html
 import json
 import operator
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +22,18 @@ from typing import Any
 
 from .model import ModelError, listed
 from .notebooks import ROOT, found
+from .run import write_whole
 
-__all__ = ["PROJECTS", "Assignment", "Project", "assignment", "catalogue", "choose", "project"]
+__all__ = [
+    "PROJECTS",
+    "Assignment",
+    "Project",
+    "assignment",
+    "catalogue",
+    "choose",
+    "project",
+    "refresh",
+]
 
 PROJECTS = 30
 HOME = ROOT / "notebooks"
@@ -31,11 +43,19 @@ PARTS = {
     3: "Part 3. Systems with events",
     0: "Concepts",
 }
+WITHOUT = (
+    "An assignment without a notebook can be done all the same: the handbook describes its model. "
+    "Copy the sample of its part to the name that is given here and make it your own; "
+    "the page then links to it."
+)
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """assignment(3, 6) -> Assignment: part, name ("6", "1.b", "sample"), title, task in a sentence, path below notebooks/."""
+    """assignment(3, 6) -> Assignment.
+
+    part, name ("6", "1.b", "sample"), title, task in a sentence, path below notebooks/.
+    """
 
     part: int
     name: str
@@ -52,7 +72,9 @@ class Assignment:
         return self.notebook.is_file()
 
     def __repr__(self) -> str:
-        return f"{f'part {self.part}' if self.part else 'concept'}, {self.name}: {self.title} ({self.path}.ipynb{'' if self.exists else ', still to come'})"
+        part = f"part {self.part}" if self.part else "concept"
+        note = "" if self.exists else ", no notebook yet"
+        return f"{part}, {self.name}: {self.title} ({self.path}.ipynb{note})"
 
     def _repr_html_(self) -> str:
         return f"<p><b>{_link(self)}</b>: {html.escape(self.task)}</p>"
@@ -60,7 +82,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Project:
-    """project(13) -> Project: number and its three assignments; it shows itself as a table with links."""
+    """project(13) -> Project: number and its three assignments; shows itself as a table."""
 
     number: int
     assignments: tuple[Assignment, Assignment, Assignment]
@@ -73,15 +95,16 @@ class Project:
             (str(a.part), html.escape(a.name), _link(a), html.escape(a.task))
             for a in self.assignments
         ]
-        return f"<p><b>Project {self.number}</b></p>" + _table(
-            ("part", "assignment", "notebook", "what to do"), rows
-        )
+        note = "" if all(a.exists for a in self.assignments) else f"<p>{WITHOUT}</p>"
+        head = ("part", "assignment", "notebook", "what to do")
+        return f"<p><b>Project {self.number}</b></p>" + _table(head, rows) + note
 
 
 def project(number: int) -> Project:
     """project(13) -> the three assignments of that project (the handbook's table 5.1).
 
-    Part 1 goes round its 12 assignments, part 2 round its 16, part 3 round its 15. Raises ModelError unless number is 1 … 30.
+    Part 1 goes round its 12 assignments, part 2 round its 16, part 3 round its 15.
+    Raises ModelError unless number is 1 … 30.
     """
     try:
         n = operator.index(number)
@@ -89,7 +112,8 @@ def project(number: int) -> Project:
         n = 0
     if isinstance(number, bool) or not 1 <= n <= PROJECTS:
         raise ModelError(
-            f"there is no project {number!r}: a project number is a whole number from 1 to {PROJECTS}"
+            f"there is no project {number!r}: a project number is a whole number from 1 to "
+            f"{PROJECTS}"
         )
     pick = [
         [a for a in ASSIGNMENTS if a.part == part and a.name[0].isdigit()] for part in (1, 2, 3)
@@ -98,7 +122,10 @@ def project(number: int) -> Project:
 
 
 def assignment(part: int, name: int | str) -> Assignment:
-    """assignment(2, "1.b"), assignment(3, 6), assignment(1, "sample") -> Assignment. Raises ModelError for one that is not in the course."""
+    """assignment(2, "1.b"), assignment(3, 6), assignment(1, "sample") -> Assignment.
+
+    Raises ModelError for one that is not in the course.
+    """
     wanted = str(name).lower()
     wanted = (
         f"{wanted[0]}.{wanted[1]}"
@@ -113,69 +140,79 @@ def assignment(part: int, name: int | str) -> Assignment:
     return there[wanted]
 
 
-class _Page:
-    """HTML for a notebook, plain text elsewhere."""
+class _Catalogue:
+    """Markdown for a notebook, plain text elsewhere."""
 
-    def __init__(self, page: str, text: str):
-        self._page, self._text = page, text
+    def __init__(self, markdown: str, text: str):
+        self._markdown, self._text = markdown, text
 
-    def _repr_html_(self) -> str:
-        return self._page
+    def _repr_markdown_(self) -> str:
+        return self._markdown
 
     def __repr__(self) -> str:
         return self._text
 
 
-def catalogue() -> _Page:
-    """catalogue() -> a page of all notebooks on disk, by part, with links, and a line of what is still to come.
+def catalogue() -> _Catalogue:
+    """catalogue() -> all notebooks on disk, by part, with links, and what has no notebook yet.
 
-    Notebooks that the course does not list (a teacher's own) stand under the folder's part with their first heading.
+    Notebooks that the course does not list (a teacher's own) stand under the folder's part with
+    their first heading.
     """
-    known = {a.path: a for a in ASSIGNMENTS}
-    others = [
-        path
-        for path in found(HOME)
-        if path.relative_to(HOME).with_suffix("").as_posix() not in {*known, "start"}
-    ]
-    page, text = [], []
+    known = {a.path for a in ASSIGNMENTS}
+    names = [path.relative_to(HOME).with_suffix("").as_posix() for path in found(HOME)]
+    markdown, text = [], []
     for part, title in PARTS.items():
         folder = f"part{part}" if part else "concepts"
-        listed_here = [a for a in ASSIGNMENTS if a.part == part]
-        listed_here += [
-            Assignment(
-                part, "", heading(path), "", path.relative_to(HOME).with_suffix("").as_posix()
-            )
-            for path in others
-            if path.parent.name == folder
+        here = [a for a in ASSIGNMENTS if a.part == part]
+        here += [
+            Assignment(part, "", heading(HOME / f"{name}.ipynb"), "", name)
+            for name in names
+            if name not in known and name.rpartition("/")[0] == folder
         ]
-        there, missing = ([a for a in listed_here if a.exists == yes] for yes in (True, False))
-        page.append(f"<h3>{html.escape(title)}</h3>")
+        there, missing = ([a for a in here if a.exists == yes] for yes in (True, False))
+        markdown.append(f"### {title}")
         if there:
-            page.append(
-                _table(
-                    ("", "notebook", "what it is about"),
-                    [
-                        (a.name if a.name[:1].isdigit() else "", _link(a), html.escape(a.task))
-                        for a in there
-                    ],
-                )
+            rows = [
+                f"| {a.name if a.name[:1].isdigit() else ''} | [{_plain(a.title)}]({a.path}.ipynb) "
+                f"| {_plain(a.task)} |"
+                for a in there
+            ]
+            markdown.append(
+                "\n".join(["| | notebook | what it is about |", "|:---|:---|:---|", *rows])
             )
         if missing:
-            page.append(
-                "<p><i>Still to come:</i> "
-                + "; ".join(html.escape(_numbered(a)) for a in missing)
-                + ".</p>"
-            )
+            names_to_come = (f"{_plain(_numbered(a))} (`{a.path}`)" for a in missing)
+            markdown.append(f"*No notebook yet:* {'; '.join(names_to_come)}.")
         text += [
             title,
             *(f"  {_numbered(a)}: {a.path}.ipynb" for a in there),
-            *([f"  still to come: {len(missing)}"] if missing else []),
+            *([f"  no notebook yet: {len(missing)}"] if missing else []),
         ]
-    return _Page("\n".join(page), "\n".join(text))
+    if any(not a.exists for a in ASSIGNMENTS):
+        markdown.append(WITHOUT)
+    return _Catalogue("\n\n".join(markdown), "\n".join(text))
+
+
+def refresh() -> bool:
+    """refresh() -> True if the start page's list of notebooks was not that of the disk, and now is.
+
+    The list is the cell of notebooks/start.ipynb with the tag "catalogue".
+    """
+    path = HOME / "start.ipynb"
+    page = json.loads(path.read_text(encoding="utf-8"))
+    lines = catalogue()._repr_markdown_().splitlines(keepends=True)
+    (cell,) = (c for c in page["cells"] if "catalogue" in c["metadata"].get("tags", []))
+    if cell["source"] == lines:
+        return False
+    cell["source"] = lines
+    text = json.dumps(page, indent=1, ensure_ascii=False, sort_keys=True)
+    write_whole(path, f"{text}\n".encode())
+    return True
 
 
 def heading(path: Path) -> str:
-    """heading(path) -> the first heading of a notebook, or its file name where it has none or cannot be read."""
+    """heading(path) -> the first heading of a notebook, or its file name where there is none."""
     try:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         lines = (
@@ -189,39 +226,34 @@ def heading(path: Path) -> str:
         return path.stem
 
 
-def overview() -> _Page:
-    """overview() -> all projects as one table: the number, and a link to each of the three assignments."""
+def overview() -> str:
+    """overview() -> all projects as one table of HTML: number, links to the three assignments."""
     projects = [project(n) for n in range(1, PROJECTS + 1)]
     rows = [
         (
             f"<b>{p.number}</b>",
-            *(f"{html.escape(a.name)}&ensp;{_link(a, '')}" for a in p.assignments),
+            *(f"{html.escape(a.name)}&ensp;{_link(a, name=False)}" for a in p.assignments),
         )
         for p in projects
     ]
-    note = (
-        ""
-        if all(a.exists for p in projects for a in p.assignments)
-        else "<p><i>In italics: still to come.</i></p>"
-    )
-    return _Page(
-        _table(("project", "part 1", "part 2", "part 3"), rows) + note,
-        "\n".join(map(repr, projects)),
-    )
+    everything = all(a.exists for p in projects for a in p.assignments)
+    note = "" if everything else "<p><i>In italics: no notebook yet.</i></p>"
+    return _table(("project", "part 1", "part 2", "part 3"), rows) + note
 
 
 def choose(number: int = 1) -> None:
     """choose() shows a slider for the project number and that project's table under it.
 
-    Saved without its widget the slider leaves the table of all projects. The table is an output of the cell and not a widget,
-    because only there does JupyterLab open a link in a tab of its own. Raises ModelError for a number that is none.
+    Saved without its widget the slider leaves the table of all projects. The table is an output of
+    the cell and not a widget, because only there does JupyterLab open a link in a tab of its own.
+    Raises ModelError for a number that is none.
     """
     import ipywidgets as widgets
     from IPython.display import display
 
     class Slider(widgets.IntSlider):
         def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
-            return {**super()._repr_mimebundle_(**options), "text/html": overview()._repr_html_()}
+            return {**super()._repr_mimebundle_(**options), "text/html": overview()}
 
     slider = Slider(
         project(number).number,
@@ -239,13 +271,21 @@ def _numbered(a: Assignment) -> str:
     return f"{a.name} {a.title}" if a.name[:1].isdigit() else a.title
 
 
-def _link(a: Assignment, note: str = " (still to come)") -> str:
+def _plain(text: str) -> str:
+    """Text that Markdown leaves as it is."""
+    return re.sub(r"([\\`*_\[\]<>|$])", r"\\\1", text)
+
+
+def _link(a: Assignment, name: bool = True) -> str:
     title = html.escape(a.title)
-    return f'<a href="{a.path}.ipynb">{title}</a>' if a.exists else f"<i>{title}{note}</i>"
+    if a.exists:
+        return f'<a href="{a.path}.ipynb">{title}</a>'
+    return f"<i>{title}</i>" + (f", no notebook yet: <code>{a.path}.ipynb</code>" if name else "")
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    left = ' style="text-align:left;padding:3px 10px 3px 4px;line-height:1.4"'  # Jupyter sets tables flush right, ipywidgets without air
+    # Jupyter sets tables flush right, ipywidgets without air
+    left = ' style="text-align:left;padding:3px 10px 3px 4px;line-height:1.4"'
     lines = ["<tr>" + "".join(f"<th{left}>{cell}</th>" for cell in head) + "</tr>"]
     lines += ["<tr>" + "".join(f"<td{left}>{cell}</td>" for cell in row) + "</tr>" for row in rows]
     return "<table>\n" + "\n".join(lines) + "\n</table>"
@@ -263,8 +303,14 @@ def _equilibrium(number: int, kind: str, how: str, path: str) -> Assignment:
 
 
 _A = {True: "an", False: "a"}
-_FIRST = "Swing the first pendulum with {}; see how the constants and the start decide what becomes of the motion."
-_SECOND = "Let a sine force drive a mass held by {}: without the force, with the force on and off in turn, and with it always on."
+_FIRST = (
+    "Swing the first pendulum with {}; "
+    "see how the constants and the start decide what becomes of the motion."
+)
+_SECOND = (
+    "Let a sine force drive a mass held by {}: "
+    "without the force, with the force on and off in turn, and with it always on."
+)
 
 
 def _pendulum(kind: int, letter: str, title: str, what: str, path: str) -> Assignment:
@@ -282,7 +328,8 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
         1,
         "sample",
         "Sample: a stable spiral",
-        "The worked sample of part 1: a stable spiral about a chosen point, from several starts, against the exact solution.",
+        "The worked sample of part 1: a stable spiral about a chosen point, from several starts, "
+        "against the exact solution.",
         "part1/00_sample_stable_spiral",
     ),
     _equilibrium(1, "stable node", "matrix A", "stable_node_matrix_a"),
@@ -301,14 +348,16 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
         2,
         "introduction",
         "Introduction: a relay pendulum",
-        "A pendulum on the circle, pushed one way or the other by a relay: what nonlinear systems do that linear ones cannot.",
+        "A pendulum on the circle, pushed one way or the other by a relay: what nonlinear systems "
+        "do that linear ones cannot.",
         "part2/00_relay_pendulum",
     ),
     Assignment(
         2,
         "sample",
         "Sample: a driven mass with a hysteresis relay",
-        "The worked sample of part 2: a mass, a relay with hysteresis and a sine force; every switch is found.",
+        "The worked sample of part 2: a mass, a relay with hysteresis and a sine force; every "
+        "switch is found.",
         "part2/00_sample_relay_hysteresis",
     ),
     _pendulum(1, "a", "Relay", "a relay", "relay"),
@@ -402,14 +451,16 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
         3,
         "bouncing ball",
         "Demonstration: bouncing ball",
-        "An event changes the state: ever more bounces in ever less time, and how a simulation lives with it.",
+        "An event changes the state: ever more bounces in ever less time, and how a simulation "
+        "lives with it.",
         "part3/00_bouncing_ball",
     ),
     Assignment(
         3,
         "circuit",
         "Demonstration: switched circuit",
-        "A known instant changes a parameter: a series circuit whose resistance is switched, modelled in two ways.",
+        "A known instant changes a parameter: a series circuit whose resistance is switched, "
+        "modelled in two ways.",
         "part3/00_switched_circuit",
     ),
     Assignment(
@@ -423,91 +474,104 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
         3,
         "torn pendulum",
         "Demonstration: torn pendulum",
-        "An event changes the variables themselves: the rod of a pendulum tears and its mass flies on.",
+        "An event changes the variables themselves: the rod of a pendulum tears and its mass "
+        "flies on.",
         "part3/00_torn_pendulum",
     ),
     Assignment(
         3,
         "1",
         "Water slide",
-        "Follow a slider down the slope, round the arc, through the air and under water, and find the smallest safe pool.",
+        "Follow a slider down the slope, round the arc, through the air and under water, and find "
+        "the smallest safe pool.",
         "part3/01_water_slide",
     ),
     Assignment(
         3,
         "2",
         "Machine with an unbalanced rotor",
-        "Find out whether a warning that shifts the frequencies saves one machine, or two, from destruction by resonance.",
+        "Find out whether a warning that shifts the frequencies saves one machine, or two, from "
+        "destruction by resonance.",
         "part3/02_unbalanced_rotor",
     ),
     Assignment(
         3,
         "3",
         "Two pendulums with vibrating pivots",
-        "Keep a pendulum upright by shaking its pivot while the amplitude changes, and say when it stays up.",
+        "Keep a pendulum upright by shaking its pivot while the amplitude changes, and say when "
+        "it stays up.",
         "part3/03_vibrating_pivots",
     ),
     Assignment(
         3,
         "4",
         "Room heater with dead time",
-        "Control the temperature of a room with a heater that is on or off and a sensor that is late.",
+        "Control the temperature of a room with a heater that is on or off and a sensor that is "
+        "late.",
         "part3/04_room_heater",
     ),
     Assignment(
         3,
         "5",
         "Automatic gearbox",
-        "Follow a car with a speed controller and four gears over set points and hills, without a jerk at the shifts.",
+        "Follow a car with a speed controller and four gears over set points and hills, without a "
+        "jerk at the shifts.",
         "part3/05_automatic_gearbox",
     ),
     Assignment(
         3,
         "6",
         "DC-DC converter",
-        "Raise a voltage with a switch, a coil and a diode: start-up, limit cycle, ripple, and light load.",
+        "Raise a voltage with a switch, a coil and a diode: start-up, limit cycle, ripple, and "
+        "light load.",
         "part3/06_dc_dc_converter",
     ),
     Assignment(
         3,
         "7",
         "Two populations",
-        "Let two kinds of animals compete for food, with winters and the chance to die out and return.",
+        "Let two kinds of animals compete for food, with winters and the chance to die out and "
+        "return.",
         "part3/07_two_populations",
     ),
     Assignment(
         3,
         "8",
         "Machines with leaf springs",
-        "Drive two sprung machines over a bumpy road where each must keep its distance from the other.",
+        "Drive two sprung machines over a bumpy road where each must keep its distance from the "
+        "other.",
         "part3/08_leaf_spring_machines",
     ),
     Assignment(
         3,
         "9",
         "Rigid plate in a gas stream",
-        "Find out when a hinged plate in a gusty stream returns to rest and when it has an accident.",
+        "Find out when a hinged plate in a gusty stream returns to rest and when it has an "
+        "accident.",
         "part3/09_plate_in_gas",
     ),
     Assignment(
         3,
         "10",
         "Two masses on springs",
-        "Shake a chain of two masses with a force that changes its shape and pitch, and keep them apart.",
+        "Shake a chain of two masses with a force that changes its shape and pitch, and keep them "
+        "apart.",
         "part3/10_two_masses",
     ),
     Assignment(
         3,
         "11",
         "Rod and pendulum",
-        "Ask whether an elastic rod whose free length is shaken survives: resonance through a changing parameter.",
+        "Ask whether an elastic rod whose free length is shaken survives: resonance through a "
+        "changing parameter.",
         "part3/11_rod_and_pendulum",
     ),
     Assignment(
         3,
         "12",
         "Mass, beam and spring",
-        "Halve a mass in mid-swing when the swing touches, but does not pass, its limit: a trap for every solver.",
+        "Halve a mass in mid-swing when the swing touches, but does not pass, its limit: a trap "
+        "for every solver.",
         "part3/12_mass_beam_spring",
     ),
     Assignment(
@@ -521,14 +585,16 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
         3,
         "14",
         "Particle and ring",
-        "Watch a particle swing through a ring that pulls it while the ring changes its size, and ask how far an answer can be trusted.",
+        "Watch a particle swing through a ring that pulls it while the ring changes its size, and "
+        "ask how far an answer can be trusted.",
         "part3/14_particle_and_ring",
     ),
     Assignment(
         3,
         "15",
         "Piston and gas",
-        "Let a piston ride on a gas whose outer pressure drops and returns, and find out when its motion grows.",
+        "Let a piston ride on a gas whose outer pressure drops and returns, and find out when its "
+        "motion grows.",
         "part3/15_piston_and_gas",
     ),
     Assignment(

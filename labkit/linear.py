@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from .model import ModelError, System, listed
 from .run import Run
-from .show import Table
+from .table import Table
 
 __all__ = [
     "affine",
@@ -343,10 +343,10 @@ def error_table(
             (
                 method,
                 f"{'h' if fixed else 'rtol'} = {value:.4g}",
-                str(run.work.evaluations),
-                f"{error.max():.1e}",
-                f"{error.max() / (size or 1):.1e}",
-                f"{error[-1]:.1e}",
+                run.work.evaluations,
+                error.max(),
+                error.max() / (size or 1),
+                error[-1],
             )
         )
     return Table(
@@ -354,9 +354,9 @@ def error_table(
             "method",
             "step or tolerance",
             "evaluations",
-            "largest error",
-            "of the largest state",
-            "error at the end",
+            ("largest error", "", ".1e"),
+            ("of the largest state", "", ".1e"),
+            ("error at the end", "", ".1e"),
         ),
         rows,
     )

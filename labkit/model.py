@@ -25,6 +25,9 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import signature
+from typing import Any
 
 __all__ = [
     "At",
@@ -37,10 +40,11 @@ __all__ = [
     "System",
     "Transition",
     "OPTIONS",
+    "unambiguous",
 ]
 
-#: Names that `simulate`, `simulate_many` and `explore` use for their own options; a parameter may
-#: not be called so.
+#: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
+#: parameter may not be called so.
 OPTIONS = frozenset(
     {
         "system",
@@ -64,6 +68,9 @@ OPTIONS = frozenset(
         "title",
         "horizon",
         "dense",
+        "executor",
+        "progress",
+        "accept",
     }
 )
 
@@ -84,6 +91,34 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
 
 
+def unambiguous(function: Callable) -> Callable:
+    """@unambiguous above a function of a System or a Run (or several, by name) and options.
+
+    A name that is both one of the options and a parameter of the system is refused when it is
+    given: one could not tell which is meant.
+    """
+    own = {
+        name
+        for name, each in signature(function).parameters.items()
+        if each.kind != each.VAR_KEYWORD
+    }
+
+    @wraps(function)
+    def checked(*given: Any, **named: Any) -> Any:
+        first = given[0] if given else next(iter(named.values()), None)
+        for one in first.values() if isinstance(first, Mapping) else (first,):
+            system = getattr(one, "system", one)
+            known = getattr(system, "parameters", ())
+            if clash := [name for name in named if name in own and name in known]:
+                raise ModelError(
+                    f"{listed(clash)} is an option of {function.__name__} and a parameter of "
+                    f"{system.name!r}: one cannot tell which is meant: rename the parameter"
+                )
+        return function(*given, **named)
+
+    return checked
+
+
 def number(value: object, what: str) -> float:
     """number(value, "parameter 'g'") -> float; ModelError when it is not a finite real number."""
     try:
@@ -102,7 +137,7 @@ def _letters(name: object) -> object:
     return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
 
 
-def _named(given: Mapping, what: str) -> dict:
+def named(given: Mapping, what: str) -> dict:
     """A mapping with its names as Python reads them; ModelError where two become one."""
     made = {_letters(key): value for key, value in given.items()}
     if len(made) < len(given):
@@ -368,7 +403,7 @@ class System:
             self._check_transition(tr)
             for tr in ([transitions] if isinstance(transitions, Transition) else transitions)
         )
-        self.outputs = _named(outputs or {}, "outputs")
+        self.outputs = named(outputs or {}, "outputs")
         for output, what in self.outputs.items():
             _identifier(output, "output")
             if output in self.units or output in self.parameters or output in COLUMNS:
@@ -400,7 +435,7 @@ class System:
             )
         self.start = {
             key: number(value, f"start of {key!r}")
-            for key, value in _named(start or {}, "start").items()
+            for key, value in named(start or {}, "start").items()
         }
         if twice := [key for key in self.start if key in self.held]:
             raise ModelError(
@@ -429,10 +464,66 @@ class System:
             for key in self.modes
         }
 
+    def variant(
+        self,
+        name: str,
+        /,
+        *,
+        states: Mapping[str, str | tuple[str, str] | None] | None = None,
+        parameters: Mapping[str, Parameter | float | None] | None = None,
+        modes: Sequence[Mode] | Mapping[str, Mode | Function | None] | None = None,
+        transitions: Sequence[Transition]
+        | Mapping[str, Transition | Mapping[str, object] | None]
+        | None = None,
+        start: Mapping[str, float] | None = None,
+        mode: str | Function | None = None,
+        outputs: Mapping[str, Output | None] | None = None,
+        time: str | None = None,
+        held: Mapping[str, tuple | None] | None = None,
+        **values: float,
+    ) -> System:
+        """system.variant("light load", R=200.0) -> a new System that keeps what is not named.
+
+            system.variant("no diode", modes={"off": None}, R=200.0)
+            system.variant("as printed", modes={"diode": another_flow})
+            system.variant("no tolerance", transitions={"destroyed": {"tolerance": 0.0}})
+
+        The parts are those of System. A list is the whole part. A mapping changes what it names,
+        adds what is new, and takes away what is None:
+
+        modes        name -> Mode, or a flow: then meaning and states of the mode stay
+        transitions  label -> Transition, or field -> value: then its other fields stay
+        parameters   name -> Parameter, or a number, as in `values`
+        values       new default values of parameters by name; unit, meaning and range stay
+
+        With a mode that is gone go the transitions into it and out of it, and its outputs; with a
+        state that is gone, its start. A start mode that is gone becomes the first mode.
+
+        Raises ModelError, naming the piece, for an unknown name, for a value out of range, for a
+        keyword that is both a part of System and a parameter (say parameters={"time": 3.0}), and as
+        System does.
+        """
+        from .variant import variant_of  # it makes a System, so it comes after this file
+
+        parts = {"states": states, "parameters": parameters, "modes": modes, "start": start}
+        parts |= {"transitions": transitions, "mode": mode, "outputs": outputs, "time": time}
+        return variant_of(self, name, {**parts, "held": held}, values)
+
+    @property
+    def described(self) -> dict[str, tuple[str, str]]:
+        """The states as they were given."""
+        return {key: (self.units[key], self.meanings[key]) for key in self.states}
+
+    def __reduce__(self) -> tuple:
+        start = {key: value for key, value in self.start.items() if key not in self.held}
+        modes = tuple(self.modes.values())
+        given = (self.name, self.described, self.parameters, modes, self.transitions)
+        return System, (*given, start, self.mode, self.outputs, self.time, self.held)
+
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str
     ) -> tuple[str, ...]:
-        states = _named(states, f"the states of {owner}")
+        states = named(states, f"the states of {owner}")
         for key, what in states.items():
             _identifier(key, f"state of {owner}")
             if key == "t":
@@ -468,7 +559,7 @@ class System:
                 f"{parameters!r}"
             )
         made = {}
-        for key, value in _named(parameters, "parameters").items():
+        for key, value in named(parameters, "parameters").items():
             _identifier(key, "parameter")
             if key in OPTIONS:
                 raise ModelError(
@@ -504,7 +595,7 @@ class System:
                 )
             if mode.states is not None:
                 own = self._add_states(mode.states, f"mode {mode.name!r}")
-                mode = replace(mode, states=_named(mode.states, f"mode {mode.name!r}"))
+                mode = replace(mode, states=named(mode.states, f"mode {mode.name!r}"))
                 if clash := [key for key in own if key in self.parameters]:
                     raise ModelError(
                         f"mode {mode.name!r} has a state with the name of the parameter "
@@ -519,7 +610,7 @@ class System:
                 f"held of {self.name!r} must be a dict, {{'load': ('Ω', 50.0)}}, not {held!r}"
             )
         made = {}
-        for key, what in _named(held, "held").items():
+        for key, what in named(held, "held").items():
             _identifier(key, "held variable")
             if key == "t" or key in COLUMNS or key in OPTIONS:
                 raise ModelError(
@@ -558,7 +649,7 @@ class System:
                 f"{what} must be a function of (t, s, p), not {tr.reset!r}; "
                 "or a dict of what changes, {'v': 0.0}"
             )
-        parts = _named(tr.reset, what)
+        parts = named(tr.reset, what)
         for source in tr.sources:
             after = self.states_of(tr.target or source)
             if unknown := [key for key in parts if key not in after and key not in self.held]:
@@ -687,7 +778,7 @@ class System:
         if not changed:
             return self.P(*(parameter.value for parameter in self.parameters.values()))
         if not self.parameters.keys() >= changed.keys():
-            changed = _named(changed, "the parameters")
+            changed = named(changed, "the parameters")
         if unknown := [key for key in changed if key not in self.parameters]:
             raise ModelError(
                 f"{listed(unknown)} is not a parameter of {self.name!r}; there are "
@@ -708,7 +799,7 @@ class System:
         """
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
-            start = _named(start, "start")
+            start = named(start, "start")
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
         if unknown := [key for key in start if key not in self.units]:

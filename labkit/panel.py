@@ -15,6 +15,7 @@ import io
 import mimetypes
 import os
 import re
+import shutil
 import sys
 import tempfile
 import textwrap
@@ -31,15 +32,18 @@ import traitlets
 from matplotlib.text import Text
 from PIL import Image
 
-from .controls import Control, controls_of, rounded, symbol_and_index
+from .controls import SETTINGS, Control, controls_of, rounded, symbol_and_index
+from .draw.curves import Curves
 from .draw.figure import CSS_DPI, PNG_DPI, _palette_png, figure, style
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
 from .draw.sketch import Motion
-from .draw.view import Together
+from .draw.view import Only, Together
+from .draw.words import described
 from .interrupt import hear_interrupts, interruptible
-from .model import ModelError, System, listed, number
+from .model import ModelError, System, listed, number, unambiguous
 from .run import Ended, Run
+from .several import Merged, Several
 from .solve import FIXED_STEP, simulate
 
 __all__ = ["Control", "Panel", "View", "explore"]
@@ -211,8 +215,10 @@ class Panel(anywidget.AnyWidget):
             said.append(f"step={_written(values['step'])}" if "step" in values else "")
         elif values.get("rtol", RTOL) != RTOL:
             said.append(f"rtol={_written(values['rtol'])}")
-        names = vars(sys.modules["__main__"]).items()
-        name = next((key for key, value in names if value is system and key[0] != "_"), "system")
+        name = _name_of(system, "system")
+        if isinstance(run, Several):
+            each = [f'"{label}": {_name_of(one, label)}' for label, one in system.systems.items()]
+            name = "{" + ", ".join(each) + "}"
         end = _written(values.get("t_end", run.t[-1]))
         chosen = [
             f"{control.name}: {values[control.key]}"
@@ -449,6 +455,8 @@ class Panel(anywidget.AnyWidget):
         """Values at the cursor: t = 3.2 s: x = 0.31 m, v = −1 m/s; mode slip"""
         if self.t is None:
             return ""
+        if isinstance(self.run, Several):
+            return self._readings(self.run)
         system, values = self.run.system, self.run.at(self.t)
         names = dict.fromkeys(
             name
@@ -464,11 +472,27 @@ class Panel(anywidget.AnyWidget):
         mode = f"; {values['mode']}" if len(system.modes) > 1 else ""
         return text.replace("-", "−") + mode
 
+    def _readings(self, runs: Several) -> str:
+        """t = 3.2 s: x = 0.31 m (plain), 0.35 m (warned)"""
+        there, said = runs.at(self.t), []
+        for name in dict.fromkeys(name for show in self.shows for name in show.names):
+            found = [
+                f"{values[name]:.4g} {runs.system.unit(name)}".strip() + f" ({label})"
+                for label, values in there.items()
+                if np.isfinite(values.get(name, np.nan))
+            ]
+            said += [f"{''.join(symbol_and_index(name))} = {', '.join(found)}"] if found else []
+        words = f"t = {self.t:.4g} {runs.system.time}" + ": " * bool(said) + "; ".join(said)
+        return words.replace("-", "−")
+
     def _export(self, message: dict) -> tuple[dict, list[bytes]]:
         if not self.spec["download"]:
             return {"kind": "said", "text": self.export(message["what"])}, []
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(self.export(message["what"], folder).removeprefix("Saved "))
+            self.export(message["what"], folder)
+            path, *more = sorted(Path(folder).iterdir())
+            if more:  # several runs
+                path = Path(shutil.make_archive(f"{folder}/runs", "zip", folder))
             mime = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
             said = {"kind": "said", "text": f"Downloaded {path.name}", "name": path.name}
             return said | {"mime": mime}, [path.read_bytes()]
@@ -494,10 +518,11 @@ class Panel(anywidget.AnyWidget):
         return f"Saved {path}"
 
 
+@unambiguous
 def explore(
-    system: System,
+    system: System | Mapping[str, System],
     horizon: float,
-    draw: Callable[[Run], View] | None = None,
+    draw: Callable[[Any], Any] | None = None,
     *,
     sliders: Mapping[str, object] | Iterable[str] | None = None,
     start: bool | Mapping[str, float] = True,
@@ -508,26 +533,47 @@ def explore(
     presets: Mapping[str, Mapping[str, object]] | None = None,
     **options: object,
 ) -> Panel:
-    """explore(system, horizon, draw) -> a panel of sliders and a live figure; let it be the last line of a cell.
+    """explore(system, horizon, draw) -> a panel of sliders and a live figure.
 
-    draw      draw(run) -> a View, or a list of Views that share a figure, also Handle and Motion; left out: time plot and phase portrait
-    sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states, "t_end", "rtol", "step";
-              or a list: only these names get a slider. A range left out comes from the Parameter or the default run
-    start     True: sliders for the initial state; False: none; {"x": 2.0}: sliders that begin there
-    method    True: method, tolerance or step, and end time can be chosen; False: not; "RK4": chosen, beginning with this one
-    verdict   verdict(run) -> a sentence under the picture; left out: reason for stopping, events, work done
-    choices   label -> option -> arguments of simulate, also "system": a select between variants, the first is the default,
-              {"first branch": {"x' > 0": {"mode": "rising"}, "x' < 0": {"mode": "falling"}}}
-    presets   name -> values of parameters, start values, options: {"resonance": {"omega": 2.0}}; a button each, all else as at first
+    Let it be the last line of a cell. explore({"plain": system, "warned": other}, horizon): several
+    models, one set of sliders, one picture.
+    draw      draw(run) -> a View, or a list of Views that share a figure, also Handle and Motion;
+              left out: time plot and phase portrait
+    sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states,
+              "t_end", "rtol", "step"; or a list: only these names get a slider. A range left out
+              comes from the Parameter or the default run
+    start     True: sliders for the initial state; False: none; {"x": 2.0}: that begin there
+    method    True: method, tolerance or step, and end time can be chosen; False: not; "RK4":
+              chosen, beginning with this one
+    verdict   verdict(run) -> a sentence under the picture; left out: how it ended, events, work
+    choices   label -> option -> arguments of simulate, also "system": a select between variants,
+              the first is the default,
+              {"branch": {"x' > 0": {"mode": "rising"}, "x' < 0": {"mode": "falling"}}}
+    presets   name -> values of parameters, start values, options: {"resonance": {"omega": 2.0}}; a
+              button each, all else as at first
     options   what else simulate takes (points=…, rtol=…, mode=…) and values of parameters
 
-    Raises ModelError for a name that the system does not have, and whatever the default run or picture raises. With
-    LABKIT_CHECK=1 in the environment it tries both ends of every slider and lets all errors out (a widget swallows them).
+    Of several models, draw and verdict get name -> Run. A parameter or start value that models
+    have in common has one slider; where their defaults differ, each keeps its own as long as the
+    slider stands where it began, and all take the slider's value as soon as it is moved.
+
+    Raises ModelError for a name that no system has, for parameters of one name with different
+    units or ranges, and whatever the default run or picture raises. With LABKIT_CHECK=1 in the
+    environment it tries both ends of every slider and lets all errors out (a widget swallows them).
     """
-    begin = {**system.start, **(start if isinstance(start, Mapping) else {})}
-    p = system.values(
-        {key: options.pop(key) for key in list(options) if key in system.parameters}
-    )._asdict()
+    several = isinstance(system, Mapping)
+    whole = Merged(system) if several else system
+    models: dict[str, System] = whole.systems if several else {"": system}
+    given = start if isinstance(start, Mapping) else {}
+    begins = {
+        label: {**one.start, **{k: v for k, v in given.items() if not several or k in one.units}}
+        for label, one in models.items()
+    }
+    named = {key: options.pop(key) for key in list(options) if key in whole.parameters}
+    ps = {
+        label: one.values({k: v for k, v in named.items() if k in one.parameters})._asdict()
+        for label, one in models.items()
+    }
     horizon = number(horizon, "horizon")
     settings = {
         "t_end": horizon,
@@ -539,27 +585,39 @@ def explore(
     taken = {
         key for variants in choices.values() for arguments in variants.values() for key in arguments
     }  # what a choice sets has no slider
+    if several and "system" in taken:
+        raise ModelError("choices cannot choose a system where several are shown already")
+    defaults: dict[str, Any] = {}  # of the sliders, by key: of models that differ, the first one's
+    for label in models:
+        for group, values in (("p", ps[label]), ("start", begins[label])):
+            defaults = {f"{group}.{name}": value for name, value in values.items()} | defaults
 
-    def compute(values: Mapping[str, Any]) -> Run:
+    def own(values: Mapping[str, Any], group: str, mine: Mapping[str, float]) -> dict[str, float]:
+        """The model's own values, but for sliders that were moved."""
+        keys = {name: f"{group}.{name}" for name in mine}
+        moved = {n: values[k] for n, k in keys.items() if values.get(k, defaults[k]) != defaults[k]}
+        return {**mine, **moved}
+
+    def compute(values: Mapping[str, Any]) -> Any:
         chosen: dict[str, Any] = {
             key: value
             for label, variants in choices.items()
             for key, value in variants[values[f"choice.{label}"]].items()
         }
-        model = chosen.pop("system", system)
-        parameters = {
-            name: values.get(f"p.{name}", value)
-            for name, value in p.items()
-            if name in model.parameters
-        }
-        where = {
-            name: values.get(f"start.{name}", value)
-            for name, value in begin.items()
-            if name in model.start
-        }
+        variant = chosen.pop("system", None)
         how = settings | {key: values[key] for key in settings if key in values}
         del how["rtol" if how["method"] in FIXED_STEP else "step"]
-        return simulate(model, **{**options, "start": where, **parameters, **how, **chosen})
+        runs = {}
+        for label, one in models.items():
+            model = variant or one
+            parameters = own(values, "p", ps[label])
+            where = own(values, "start", begins[label])
+            if variant is not None:
+                parameters = {k: v for k, v in parameters.items() if k in model.parameters}
+                where = {k: v for k, v in where.items() if k in model.start}
+            arguments = {**options, "start": where, **parameters, **how, **chosen}
+            runs[label] = simulate(model, **arguments)
+        return Several(whole, runs) if several else runs[""]
 
     controls = [
         Control(
@@ -577,46 +635,66 @@ def explore(
     run = compute(first)
 
     def startable(name: str, value: float) -> bool:
+        soon = run.t[0] + 1e-6 * (run.t[-1] - run.t[0])
         try:
-            compute(
-                first
-                | {
-                    f"start.{name}": value,
-                    "t_end": run.t[0] + 1e-6 * (run.t[-1] - run.t[0]),
-                    "method": "DOP853",
-                }
-            )
+            compute(first | {f"start.{name}": value, "t_end": soon, "method": "DOP853"})
         except ModelError:
             return False
         return True
 
-    controls += controls_of(
-        system,
-        p,
-        begin if start and "start" not in taken else {},
-        settings if method else {},
-        sliders,
-        taken,
-        run,
-        startable,
-    )
-    view = (draw or _time_and_phase)(run)
+    made: dict[str, Control] = {}
+    for label, one in models.items():
+        for control in controls_of(
+            one,
+            ps[label],
+            begins[label] if start and "start" not in taken else {},
+            settings if method else {},
+            _sliders_of(one, sliders, whole) if several else sliders,
+            taken,
+            run[label] if several else run,
+            startable,
+        ):
+            same = made.setdefault(control.key, control)
+            if same is control:
+                continue
+            same.low, same.high = min(same.low, control.low), max(same.high, control.high)
+            if same.value != control.value and same.kind != "select":
+                apart = f"by default {same.value:g}, in {label} {control.value:g}"
+                same.meaning = f"{same.meaning} ({apart})".strip()
+    order = ("parameters", "start", "algorithm")
+    controls += sorted(made.values(), key=lambda control: order.index(control.group))
+    view = (draw or (_together if several else _time_and_phase))(run)
     view = Together(*view) if isinstance(view, tuple | list) else view
-    for part in getattr(view, "views", ()):
-        if isinstance(part, Handle | Motion):
+    for part in getattr(view, "views", (view,)):
+        if isinstance(part, Handle | Motion | Curves):
             part.update(run)
     panel = Panel(
-        title or system.name,
+        title or whole.name,
         controls,
         compute,
         view,
-        verdict or _verdict,
+        verdict or (_verdicts if several else _verdict),
         run,
-        _presets(presets or {}, system, controls),
+        _presets(presets or {}, whole, controls),
     )
     if os.environ.get("LABKIT_CHECK") == "1":
         panel.check()
     return panel
+
+
+def _sliders_of(system: System, sliders: object, whole: Merged) -> object:
+    """Of the author's sliders, those of one model. Raises ModelError for a name that none has."""
+    if sliders is None:
+        return None
+    names = [sliders] if isinstance(sliders, str) else list(sliders)  # type: ignore[call-overload]
+    known = [*whole.parameters, *whole.units, *SETTINGS]
+    if unknown := [name for name in names if name not in known]:
+        raise ModelError(
+            f"sliders names {listed(unknown)}, which none of {whole.name} has; there are "
+            f"{listed(known)}"
+        )
+    mine = [name for name in names if name in (*system.parameters, *system.units, *SETTINGS)]
+    return {name: sliders[name] for name in mine} if isinstance(sliders, Mapping) else mine
 
 
 def _presets(
@@ -639,7 +717,8 @@ def _presets(
             )
         if unknown := [name for name in values if name not in keys]:
             raise ModelError(
-                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not have; there are {listed(keys)}"
+                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not "
+                f"have; there are {listed(keys)}"
             )
     return {
         preset: {keys[name]: value for name, value in values.items()}
@@ -661,6 +740,12 @@ def _counted(run: Run) -> str:
     many = f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})"
     end = f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}"
     return f"{end}; {many if run.events else 'no events'}; {run.work.steps} steps"
+
+
+def _name_of(system: System, otherwise: str) -> str:
+    """What the notebook calls it."""
+    names = vars(sys.modules["__main__"]).items()
+    return next((key for key, value in names if value is system and key[0] != "_"), otherwise)
 
 
 def _written(value: float) -> str:
@@ -685,26 +770,20 @@ def _captioned(png: bytes, width: float, lines: list[str]) -> tuple[bytes, int]:
     return _palette_png(both), round(below.height * CSS_DPI / PNG_DPI)
 
 
+def _verdicts(runs: Several) -> str:
+    """plain: finished at 40 s, 26 events; warned: finished at 40 s, no events"""
+    said = []
+    for name, run in runs.items():
+        count = len(run.events)
+        events = f"{count} event{'s' * (count != 1)}" if count else "no events"
+        said.append(f"{name}: {run.stopped} at {run.t[-1]:.6g} {run.system.time}, {events}")
+    return "; ".join(said)
+
+
 def _in_words(figure: Any, title: str) -> str:
-    """The alternative text of a picture: what its axes show, "x, v [m] over t [s]"."""
-
-    def plain(text: str) -> str:
-        return re.sub(r"\\(?:mathrm|dot)|[${}]", "", text).replace("\\", "")
-
-    axes = [
-        ", ".join(
-            filter(
-                None,
-                [
-                    plain(ax.get_title("left")),
-                    f"{plain(ax.get_ylabel())} over {plain(ax.get_xlabel())}",
-                ],
-            )
-        )
-        for ax in figure.axes
-        if ax.get_ylabel()
-    ]
-    return f"{title}: " + "; ".join(axes)
+    """The alternative text of a picture in a panel."""
+    words = described(figure)
+    return words if words.startswith(title) else f"{title}: {words}"
 
 
 def _time_and_phase(run: Run) -> View:
@@ -716,4 +795,21 @@ def _time_and_phase(run: Run) -> View:
     return Together(
         time_plot(run, tuple(run.system.states[:2]), axes=fig.axes[0]),
         phase_portrait(run, axes=fig.axes[1], title=""),
+    )
+
+
+def _together(runs: Several) -> View:
+    """What the models have in common laid over each other; what they have not, each for itself."""
+    from .draw import figure, time_plot
+
+    every = [{**run.system.units, **run.system.outputs} for run in runs.values()]
+    common = [name for name in every[0] if all(name in names for names in every)]
+    if common:
+        return time_plot(runs, *common[:2], title="")
+    axes = figure(len(runs), 1, height=1.2 + 1.9 * len(runs), sharex=True).axes
+    return Together(
+        *(
+            Only(name, time_plot(run, run.system.states[0], axes=ax, title=name))
+            for (name, run), ax in zip(runs.items(), axes, strict=True)
+        )
     )

@@ -190,21 +190,12 @@ class Run:
             inside = index >= 0  # before the first instant there is only the start itself
             modes[~inside], values[~inside] = self.mode_index[0], self.values[0]
         piece = pieces[index[inside]]
-        theta = ((when[inside] - piece[:, 0]) / piece[:, 1])[:, None]
+        theta = (when[inside] - piece[:, 0]) / piece[:, 1]
         modes[inside], other[inside] = piece[:, 2], piece[:, 3]
-        behind = piece.shape[1] - len(self.system.held)
-        width = values.shape[1] - len(self.system.held)
-        degree = (behind - 4) // width - 1  # not reshape(…, -1, …): there may be no piece
-        coefficients = piece[:, 4:behind].reshape(len(piece), degree + 1, width)
-        y, slope = np.zeros((2, len(piece), width))
-        for k in range(degree, -1, -1):
-            slope = slope * theta + y
-            y = y * theta + coefficients[:, k]
-        values[inside] = np.hstack([y, piece[:, behind:]])
+        values[inside], slope = between(piece, theta, self.system.width, len(self.system.held))
         for k in np.flatnonzero(other[inside] >= 0):
             i = np.flatnonzero(inside)[k]
-            rates = slope[k] / piece[k, 1]
-            part[i] = _part(self.system, self.p, when[i], modes[i], other[i], values[i], rates)
+            part[i] = _part(self.system, self.p, when[i], modes[i], other[i], values[i], slope[k])
         return modes, values, other, part
 
     def ledger(self) -> str:
@@ -284,6 +275,23 @@ class Run:
             f"{len(self)} samples, {len(self.events)} events, {self.stopped}"
             f"{notes}"
         )
+
+
+def between(
+    pieces: np.ndarray, theta: np.ndarray, width: int, held: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """between(run.pieces[3:5], theta, system.width, held) -> states (k, length), slopes (k, width).
+
+    theta (k,) is where in its step each stands, 0 … 1; held, how many variables are held.
+    """
+    behind = pieces.shape[1] - held
+    degree = (behind - 4) // width - 1  # not reshape(…, -1, …): there may be no piece
+    coefficients = pieces[:, 4:behind].reshape(len(pieces), degree + 1, width)
+    y, slope = np.zeros((2, len(pieces), width))
+    for k in range(degree, -1, -1):
+        slope = slope * theta[:, None] + y
+        y = y * theta[:, None] + coefficients[:, k]
+    return np.hstack([y, pieces[:, behind:]]), slope / pieces[:, 1:2]
 
 
 def column(

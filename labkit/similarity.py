@@ -1,10 +1,11 @@
-"""Equilibria made to measure: canonical forms, the four similarity transformations of part 1, and whether a design meets its task.
+"""Equilibria made to measure: canonical forms, the four similarity transformations of part 1, and
+whether a design meets its task.
 
     A, b = design(canonical("stable node", -1, -3), matrix_a(u=(0, 1), v=(2, 0)), at=(1, 2))
-    check_design(A, b, S, "stable node", "matrix A")  # prints what is right and what is wrong, in words
+    check_design(A, b, S, "stable node", "matrix A")  # prints what is right and what is wrong
 
-A = S Λ S⁻¹ has the eigenvalues of Λ, and so its type; b = −A s* puts the equilibrium at s*. In z = S⁻¹ (s − s*) the motion
-is canonical, dz/dt = Λ z.
+A = S Λ S⁻¹ has the eigenvalues of Λ, and so its type; b = −A s* puts the equilibrium at s*. In
+z = S⁻¹ (s − s*) the motion is canonical, dz/dt = Λ z.
 """
 
 from __future__ import annotations
@@ -43,13 +44,15 @@ _NEEDS = {
 
 
 def canonical(kind: str, *numbers: float) -> np.ndarray:
-    """canonical("stable node", -1, -3) -> Λ = diag(−1, −3). Kinds as `classify` names them; "elliptic point" is a centre.
+    """canonical("stable node", -1, -3) -> Λ = diag(−1, −3).
 
-    node, saddle: (λ1, λ2) -> diag(λ1, λ2) · star: (λ0) -> λ0 E · improper node: (λ0) -> [[λ0, 0], [1, λ0]] ·
-    spiral point: (α, β) -> [[α, β], [−β, α]] · centre: (β). Raises ModelError, with the type that they would make, for numbers that do not fit.
+    Kinds as `classify` names them; "elliptic point" is a centre.
+    node, saddle: (λ1, λ2) -> diag(λ1, λ2) · star: (λ0) -> λ0 E · improper node: (λ0) -> [[λ0, 0],
+    [1, λ0]] · spiral point: (α, β) -> [[α, β], [−β, α]] · centre: (β). Raises ModelError, with the
+    type that they would make, for numbers that do not fit.
     """
     kind = _kind(kind)
-    un, _, base = kind.rpartition("stable ")
+    un, base = kind.rpartition("stable ")[0], base_of(kind)
     count, need = _NEEDS[base]
     need = need.format(sign="positive" if un else "negative")
     if len(numbers) != count:
@@ -68,9 +71,15 @@ def canonical(kind: str, *numbers: float) -> np.ndarray:
     Lambda = np.array(special.get(base, [[x, 0], [0, y]]), dtype=float)
     if (made := classify(Lambda)) != kind:
         raise ModelError(
-            f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; {_a(kind)} needs {need}"
+            f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; "
+            f"{_a(kind)} needs {need}"
         )
     return Lambda
+
+
+def base_of(kind: str) -> str:
+    """base_of("unstable node") -> "node"; ModelError for a type that there is not."""
+    return _kind(kind).rpartition("stable ")[2]
 
 
 def _kind(kind: str) -> str:
@@ -94,40 +103,48 @@ def _a(kind: str) -> str:
 
 
 class Similarity(NamedTuple):
-    """S, inverse = matrix_a(u, v): a similarity transformation, z = S⁻¹ (s − s*), and its inverse in closed form."""
+    """S, inverse = matrix_a(u, v): a similarity transformation and its inverse."""
 
     S: np.ndarray
     inverse: np.ndarray
 
 
 def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
-    """matrix_a(u=(0, 1), v=(2, 0)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ, a shear along u. Raises ModelError unless (u, v) = 0."""
+    """matrix_a(u=(0, 1), v=(2, 0)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ, a shear along u.
+
+    Raises ModelError unless (u, v) = 0.
+    """
     u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
     d = float(u @ v)
     if abs(d) > 1e-12 * np.hypot(*u) * np.hypot(*v):
         raise ModelError(
-            f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the inverse of E + u vᵀ. "
-            f"Take v = k (u2, −u1) with any k, or use matrix_b, which allows it"
+            f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the "
+            "inverse of E + u vᵀ. Take v = k (u2, −u1) with any k, or use matrix_b, which allows it"
         )
     return Similarity(E + np.outer(u, v), E - np.outer(u, v))
 
 
 def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
-    """matrix_b(u=(1, 0), v=(2, 1)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ/(1 + d), d = (u, v). Raises ModelError for d = −1.
+    """matrix_b(u=(1, 0), v=(2, 1)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ/(1 + d), d = (u, v).
 
     det S = 1 + d: areas grow by this factor, and for d < −1 the plane is turned over as well.
+    Raises ModelError for d = −1.
     """
     u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
     d = float(u @ v)
     if abs(1 + d) <= 1e-12 * (1 + np.hypot(*u) * np.hypot(*v)):
         raise ModelError(
-            "matrix B needs (u, v) ≠ −1: at −1 it maps u to 0 and presses the whole plane flat on one line, so it has no inverse"
+            "matrix B needs (u, v) ≠ −1: at −1 it maps u to 0 and presses the whole plane flat on "
+            "one line, so it has no inverse"
         )
     return Similarity(E + np.outer(u, v), E - np.outer(u, v) / (1 + d))
 
 
 def reflection(u: ArrayLike) -> Similarity:
-    """reflection(u=(1, -1)) -> S = S⁻¹ = E − γ u uᵀ, γ = 2/(uᵀu), Householder's: the mirror line is at right angles to u ≠ 0."""
+    """reflection(u=(1, -1)) -> S = S⁻¹ = E − γ u uᵀ, γ = 2/(uᵀu), Householder's.
+
+    The mirror line is at right angles to u. Raises ModelError for u = 0.
+    """
     u = finite(u, (2,), "u")
     if not np.any(u):
         raise ModelError("a reflection needs u ≠ 0: u stands at right angles to the mirror line")
@@ -137,7 +154,10 @@ def reflection(u: ArrayLike) -> Similarity:
 
 
 def rotation(phi: float) -> Similarity:
-    """rotation(np.pi/6) -> S = [[cos φ, −sin φ], [sin φ, cos φ]], Givens', and S⁻¹ = Sᵀ; φ in radians, counter-clockwise."""
+    """rotation(np.pi/6) -> S = [[cos φ, −sin φ], [sin φ, cos φ]], Givens', and S⁻¹ = Sᵀ.
+
+    φ in radians, counter-clockwise.
+    """
     phi = number(phi, "phi")
     G = np.array([[cos(phi), -sin(phi)], [sin(phi), cos(phi)]])
     return Similarity(G, G.T)
@@ -146,7 +166,10 @@ def rotation(phi: float) -> Similarity:
 def design(
     Lambda: ArrayLike, similarity: Similarity, at: ArrayLike = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A, b = design(canonical("saddle", 1, -2), rotation(0.5), at=(1, 2)): A = S Λ S⁻¹ and b = −A s* put the equilibrium s* there."""
+    """A, b = design(canonical("saddle", 1, -2), rotation(0.5), at=(1, 2))
+
+    A = S Λ S⁻¹ and b = −A s* put the equilibrium s* there.
+    """
     A = similarity[0] @ finite(Lambda, (2, 2), "Lambda") @ similarity[1]
     return A, -A @ finite(at, (2,), "at")
 
@@ -156,7 +179,10 @@ def design(
 
 @dataclass(frozen=True)
 class Review:
-    """What `check_design` found: review.passed, review.remarks (True or False, sentence); it prints itself, and counts as True or False."""
+    """What `check_design` found: review.passed, review.remarks (True or False, sentence).
+
+    It prints itself, and counts as True or False.
+    """
 
     remarks: tuple[tuple[bool, str], ...]
 
@@ -183,10 +209,12 @@ def check_design(
     at: ArrayLike | None = None,
     tolerance: float = 1e-9,
 ) -> Review:
-    """check_design(A, b, S, "stable node", "matrix A") -> Review: do A, b and S meet an assignment of part 1, and if not, why?
+    """check_design(A, b, S, "stable node", "matrix A") -> Review
 
-    Looks at the type of A, the equilibrium (and whether it lies `at` the wanted point), the form of S (`by` is "matrix A", "matrix B",
-    "reflection" or "rotation") and whether S⁻¹ A S is the canonical form. Raises ModelError for input that is not 2 × 2 or a name that is unknown.
+    Do A, b and S meet an assignment of part 1, and if not, why? Looks at the type of A, the
+    equilibrium (and whether it lies `at` the wanted point), the form of S (`by` is "matrix A",
+    "matrix B", "reflection" or "rotation") and whether S⁻¹ A S is the canonical form. Raises
+    ModelError for input that is not 2 × 2 or a name that is unknown.
     """
     A, b, S, kind = (
         finite(A, (2, 2), "A"),
@@ -196,7 +224,8 @@ def check_design(
     )
     if by not in ("matrix A", "matrix B", "reflection", "rotation"):
         raise ModelError(
-            f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', 'reflection', 'rotation'"
+            f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', "
+            "'reflection', 'rotation'"
         )
     made = classify(A, tolerance)
     values = ", ".join(
@@ -246,7 +275,10 @@ def check_design(
 
 
 def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
-    """Is S of the form that its name says? With S = E + u vᵀ the matrix S − E has determinant 0 and trace (u, v)."""
+    """Is S of the form that its name says?
+
+    With S = E + u vᵀ the matrix S − E has determinant 0 and trace (u, v).
+    """
     N, slack = S - E, tolerance * max(1.0, float(np.abs(S).max())) ** 2
     d, rest = float(np.trace(N)), float(N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0])
     note = (
@@ -258,7 +290,8 @@ def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
         if np.abs(S.T @ S - E).max() > slack:
             return (
                 False,
-                f"S is no {by}: its columns are not unit vectors at right angles, SᵀS = {np.round(S.T @ S, 4).tolist()}",
+                f"S is no {by}: its columns are not unit vectors at right angles, "
+                f"SᵀS = {np.round(S.T @ S, 4).tolist()}",
             )
         turns = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0] > 0
         return turns == (

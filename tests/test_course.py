@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from labkit import course
-from labkit.course import ASSIGNMENTS, HOME, assignment, catalogue, choose, project
+from labkit.course import ASSIGNMENTS, HOME, assignment, catalogue, choose, project, refresh
 from labkit.model import ModelError
 from labkit.notebooks import WIDGET, found
 
@@ -126,27 +126,40 @@ def test_assignment():
             assignment(part, name)
 
 
-def test_links_only_to_what_is_there(folder):
+def test_links_only_to_what_is_there_and_names_what_is_to_come(folder):
     page = project(6)._repr_html_()
     assert '<a href="part3/06_dc_dc_converter.ipynb">DC-DC converter</a>' in page
-    assert page.count("<a ") == 1 and page.count("still to come") == 2
+    assert page.count("<a ") == 1 and page.count("no notebook yet") == 2
+    assert "<code>part1/06_unstable_improper_node_matrix_b.ipynb</code>" in page
+    assert "the handbook describes its model" in page
     assert assignment(3, 6).exists and not assignment(3, 5).exists
-    assert "still to come" in repr(project(6)) and "Project 6" in repr(project(6))
+    assert "no notebook yet" in repr(project(6)) and "Project 6" in repr(project(6))
 
 
 def test_catalogue_reads_the_disk(folder):
-    page = catalogue()._repr_html_()
-    assert '<a href="part3/06_dc_dc_converter.ipynb">' in page
-    assert (
-        '<a href="part2/my_own.ipynb">My &lt;own&gt; relay</a>' in page
-    )  # a teacher's own, by its heading
-    assert page.count("<a ") == 2 and "checkpoint" not in page
-    assert (
-        "5 Automatic gearbox" in page and "6 DC-DC converter" not in page.split("Still to come")[-1]
-    )
+    page = catalogue()._repr_markdown_()
+    assert "| 6 | [DC-DC converter](part3/06_dc_dc_converter.ipynb) | Raise a voltage" in page
+    # a teacher's own, by its heading
+    assert r"|  | [My \<own\> relay](part2/my_own.ipynb) |" in page
+    assert page.count("](") == 2 and "checkpoint" not in page
+    missing = page.split("*No notebook yet:*")[-2]
+    assert "5 Automatic gearbox (`part3/05_automatic_gearbox`)" in missing
+    assert "6 DC-DC converter" not in missing and "the handbook describes its model" in page
     assert "part2/my_own.ipynb" in repr(catalogue())
     (folder / "part2" / "broken.ipynb").write_text("{")
-    assert ">broken</a>" in catalogue()._repr_html_()
+    assert "[broken](part2/broken.ipynb)" in catalogue()._repr_markdown_()
+
+
+def test_the_start_page_is_brought_up_to_date(folder):
+    cells = [
+        {"cell_type": "markdown", "metadata": {}, "source": ["# Start"]},
+        {"cell_type": "markdown", "metadata": {"tags": ["catalogue"]}, "source": []},
+    ]
+    (folder / "start.ipynb").write_text(json.dumps({"cells": cells}), encoding="utf-8")
+    assert refresh() and not refresh()
+    kept, written = json.loads((folder / "start.ipynb").read_text(encoding="utf-8"))["cells"]
+    assert kept == cells[0]
+    assert "".join(written["source"]) == catalogue()._repr_markdown_()
 
 
 def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, monkeypatch):
@@ -177,20 +190,19 @@ def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, monkeypatc
 
 
 def test_saved_start_page_names_every_notebook():
-    """Run `python -m labkit run notebooks/start.ipynb` after adding a notebook."""
+    """`python -m labkit run` brings it up to date after a notebook was added."""
     saved = json.loads((HOME / "start.ipynb").read_text(encoding="utf-8"))
-    outputs = [
-        output
-        for cell in saved["cells"]
-        if cell["cell_type"] == "code"
-        for output in cell["outputs"]
-    ]
-    pages = "".join("".join(output.get("data", {}).get("text/html", "")) for output in outputs)
+    text = "\n".join(
+        "".join(cell["source"]) for cell in saved["cells"] if cell["cell_type"] == "markdown"
+    )
+    assert catalogue()._repr_markdown_() in text
     for path in found(HOME):
         if path.name != "start.ipynb":
-            assert f'href="{path.relative_to(HOME).as_posix()}"' in pages, path
+            assert f"]({path.relative_to(HOME).as_posix()})" in text, path
+    # The last cell is the chooser: there the page stands after Run All
+    outputs = saved["cells"][-1]["outputs"]
+    assert "choose(" in "".join(saved["cells"][-1]["source"])
+    pages = "".join("".join(output.get("data", {}).get("text/html", "")) for output in outputs)
     assert pages.count("<tr>") >= 31
-    assert (
-        not any(WIDGET in output.get("data", {}) for output in outputs)
-        and "widgets" not in saved["metadata"]
-    )
+    assert not any(WIDGET in output.get("data", {}) for output in outputs)
+    assert "widgets" not in saved["metadata"]

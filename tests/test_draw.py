@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -17,12 +18,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_rgb
+from matplotlib.font_manager import FontProperties
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from PIL import Image
 
 from labkit.draw import (
     COLORS,
     Sketch,
+    curves,
     direction_field,
     equilibria,
     figure,
@@ -30,18 +36,26 @@ from labkit.draw import (
     mode_colors,
     nullclines,
     phase_portrait,
+    planes,
     time_plot,
     trajectories,
 )
 from labkit.draw.figure import PNG_BYTES, label, style, symbol
-from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays
+from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
+from labkit.draw.private import Renderer, measure_as, reshape, tick_size
 from labkit.draw.sketch import CHARACTERISTICS
+from labkit.draw.ticks import over_time, said
+from labkit.draw.time import SHARED
+from labkit.draw.view import Together
+from labkit.draw.words import plain
 from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
+from labkit.panel import explore
 from labkit.run import Event, Run, Work
 from labkit.solve import simulate
 
 from .by_hand import lanes
+from .helpers import ROOT
 
 PLAIN = {"backend": "plain"}
 BOX = ((-2.0, 2.0), (-2.0, 2.0))
@@ -161,7 +175,7 @@ def segments(line):
     ]
 
 
-# -- figure ---------------------------------------------------------------------------------------------------------------
+# -- figure ----------------------------------------------------------------------------------------
 
 
 def test_png_is_small_palette_and_the_same_each_time(ball):
@@ -180,11 +194,15 @@ def test_png_is_small_palette_and_the_same_each_time(ball):
     assert data["image/png"] == first and meta["image/png"] == {
         "width": view.figure.css_size[0],
         "height": view.figure.css_size[1],
+        "alt": view.figure.alt,
     }
 
 
 def test_png_has_the_same_bytes_in_another_process():
-    code = "from labkit.draw import figure; import hashlib; f = figure(); f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    code = (
+        "from labkit.draw import figure; import hashlib; f = figure(); "
+        "f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    )
     seen = {
         subprocess.run(
             [sys.executable, "-c", code],
@@ -269,7 +287,10 @@ def test_the_users_rcparams_are_neither_changed_nor_used(ball):
 
 
 def test_pyplot_is_never_loaded():
-    code = "import sys, labkit.draw; from labkit.draw import figure; figure().png(); assert 'matplotlib.pyplot' not in sys.modules"
+    code = (
+        "import sys, labkit.draw; from labkit.draw import figure; figure().png(); "
+        "assert 'matplotlib.pyplot' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -306,7 +327,7 @@ def test_modes_keep_their_colours(block):
     assert len(set(COLORS)) == len(COLORS)
 
 
-# -- time plots -----------------------------------------------------------------------------------------------------------
+# -- time plots ------------------------------------------------------------------------------------
 
 
 def test_curve_breaks_at_jumps_and_jumps_are_dashed(ball):
@@ -357,7 +378,7 @@ def test_modes_colour_the_background(block):
     run = simulate(block, 12.0, **PLAIN)
     view = time_plot(run, "x", "F")
     assert len(run.events) > 3
-    where = view._modes[0].artists
+    where = view._modes[0].patches
     for name, patch in zip(block.modes, where, strict=True):
         boxes = patch.get_path().vertices.reshape(-1, 5, 2)
         total = (boxes[:, 2, 0] - boxes[:, 0, 0]).sum()
@@ -384,7 +405,11 @@ def test_a_thousand_events_do_not_blacken_the_plot(block):
     view = time_plot(run, "x")
     marks = segments(view._events[0].line)
     assert len(marks) == 999 and all(mark[:, 1].min() > 0.95 for mark in marks)
-    assert all(patch.get_path().vertices[:, 1].max() < 0.05 for patch in view._modes[0].artists)
+    # So many modes are a mash of colours: the strip shows their shares of the time, here one half
+    low, high = (patch.get_path().vertices[:, 1] for patch in view._modes[0].patches)
+    assert low.min() == 0 and high.max() == pytest.approx(SHARED)
+    np.testing.assert_allclose([low.max(), high.min()], SHARED / 2, rtol=0.06)
+    assert view._modes[0].words.get_text() == "share of the time"
     empty = pixels(view.figure.png())
     assert (empty.min(axis=2) > 200).mean() > 0.85  # most of the picture stays white
     assert len(view.figure.png()) <= PNG_BYTES
@@ -504,7 +529,7 @@ def test_time_plot_refuses_nonsense(ball, block):
         time_plot(run).update(simulate(block, 1.0, **PLAIN))
 
 
-# -- type of an equilibrium -----------------------------------------------------------------------------------------------
+# -- type of an equilibrium ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -590,7 +615,7 @@ def test_classify_refuses_nonsense():
         classify(np.eye(2), tolerance=-1)
 
 
-# -- phase portraits ------------------------------------------------------------------------------------------------------
+# -- phase portraits -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -865,6 +890,7 @@ def test_portrait_of_many_and_update_with_other_parameters():
         "DirectionField",
         "Nullclines",
         "Trajectories",
+        "Separatrices",
         "Equilibria",
     ]
     assert (
@@ -876,7 +902,9 @@ def test_portrait_of_many_and_update_with_other_parameters():
     view.update(simulate(system, 4.0, a11=0.2, a22=0.2, **PLAIN))
     assert view.equilibria[0][3] == "unstable spiral point" and not view.relimited
     assert len(view.axes.get_children()) == children and view.artists == artists
-    fresh = phase_portrait(system, starts=12, horizon=4.0, limits=BOX, a11=0.2, a22=0.2, **PLAIN)
+    fresh = phase_portrait(
+        system, starts=12, horizon=4.0, limits=BOX, a11=0.2, a22=0.2, rtol=1e-8, **PLAIN
+    )  # the tolerance of the run
     for mine, other in zip(
         view.layers[2].lines[0].get_segments(), fresh.layers[2].lines[0].get_segments(), strict=True
     ):
@@ -891,6 +919,7 @@ def test_portrait_of_a_run_widens_and_the_field_follows(ball):
         "Nullclines",
         "GuardLines",
         "Trajectories",
+        "Separatrices",
         "Equilibria",
     ]
     before = view.layers[0].lines[0].get_xydata().copy()
@@ -935,6 +964,396 @@ def test_starts_beyond_a_guard_are_not_made_up(ball):
     assert 0 < len(runs.starts.get_xdata()) < 20 and min(runs.starts.get_xdata()) >= 0
 
 
+def test_a_portraits_trajectories_are_made_as_the_run_beside_them(ball):
+    """Its method, tolerance, end time and mode; the portrait's own arguments come first."""
+    run = simulate(ball, 3.0, method="Heun", step=0.01, **PLAIN)
+    view = phase_portrait(run, starts={"y": [4.0, 8.0], "v": [0.0, 0.0]})
+    made = next(part.runs for part in view.layers if part.artists and hasattr(part, "runs"))
+    assert made[0].options["method"] == "Heun" and made[0].options["step"] == 0.01
+    assert made[0].t[-1] == 3.0
+    view.update(run.again(t_end=5.0, method="RK45", rtol=1e-4))
+    made = next(part.runs for part in view.layers if hasattr(part, "runs"))
+    like = run.again(t_end=5.0, method="RK45", rtol=1e-4, points=300, start={"y": 8.0})
+    np.testing.assert_array_equal(made[1]["y"], like["y"])
+    kept = phase_portrait(run, starts=[[4.0, 0.0]], horizon=1.0, method="RK4", step=0.1)
+    kept.update(run.again(t_end=5.0, method="RK45"))
+    made = next(part.runs for part in kept.layers if hasattr(part, "runs"))
+    assert made[0].t[-1] == 1.0 and made[0].options["method"] == "RK4"
+
+
+def test_a_portraits_trajectories_begin_in_the_mode_of_the_run():
+    def to(rate):
+        return lambda t, s, p: (s.v, rate - s.x)
+
+    two = System(
+        "two",
+        {"x": "m", "v": "m/s"},
+        {},
+        [Mode("left", to(-1.0)), Mode("right", to(1.0))],
+        start={"x": 0.0, "v": 0.0},
+        mode="left",
+    )
+    run = simulate(two, 1.0, mode="right", **PLAIN)
+    view = phase_portrait(run, starts=[[0.0, 0.0]])
+    made = next(part.runs for part in view.layers if hasattr(part, "runs"))
+    assert made[0].mode[0] == "right"
+    np.testing.assert_allclose(made[0]["x"][-1], run["x"][-1], rtol=1e-9)
+
+
+def test_a_portrait_follows_a_variant_of_its_system():
+    def turning(sign):
+        return System(
+            "turning",
+            {"x": "m", "v": "m/s"},
+            {},
+            [Mode("motion", lambda t, s, p: (s.v, sign * s.x))],
+            start={"x": 1.0, "v": 0.0},
+        )
+
+    view = phase_portrait(simulate(turning(-1.0), 1.0, **PLAIN), limits=BOX)
+    assert view.equilibria[0][3] == "centre"
+    view.update(simulate(turning(1.0), 1.0, **PLAIN))
+    assert view.equilibria[0][3].startswith("saddle")
+
+
+def test_separatrices_of_a_pendulum_lie_on_its_energy():
+    """Into and out of the upper rest: w²/2 − cos θ = 1, of which both halves are drawn."""
+    pendulum = System(
+        "pendulum",
+        {"theta": "rad", "w": "rad/s"},
+        {"d": 0.0},
+        [Mode("motion", lambda t, s, p: (s.w, -sin(s.theta) - p.d * s.w))],
+        start={"theta": 1.0, "w": 0.0},
+    )
+    limits = ((-5.0, 5.0), (-3.0, 3.0))
+    into, out = separatrices(Plane(pendulum), limits)
+    assert len(into) == len(out) == 4
+    for curve in into + out:
+        theta, w = curve.T
+        assert np.abs(w**2 / 2 - np.cos(theta) - 1).max() < 1e-5
+        assert abs(abs(theta[0]) - math.pi) < 1e-9 and w[0] == 0  # from a saddle
+    assert max(np.ptp(curve[:, 0]) for curve in into) > 6.1  # to the other one
+    view = phase_portrait(pendulum, limits=limits, starts=0, horizon=1.0, **PLAIN)
+    layer = next(part for part in view.layers if type(part).__name__ == "Separatrices")
+    assert [name for _, name in layer.legend()] == ["into the saddle", "out of the saddle"]
+    alone = phase_portrait(
+        pendulum, limits=((-1.0, 1.0), (-1.0, 1.0)), starts=0, horizon=1.0, **PLAIN
+    )
+    assert "into the saddle" not in [t.get_text() for t in alone.axes.get_legend().get_texts()]
+    off = phase_portrait(pendulum, limits=limits, starts=0, horizon=1, separatrices=False, **PLAIN)
+    assert all(type(part).__name__ != "Separatrices" for part in off.layers)
+
+
+def test_separatrices_with_damping_split_the_ways():
+    """A trajectory just below the curve into the saddle stays left of it, one just above passes."""
+    pendulum = System(
+        "pendulum",
+        {"theta": "rad", "w": "rad/s"},
+        {"d": 0.2},
+        [Mode("motion", lambda t, s, p: (s.w, -sin(s.theta) - p.d * s.w))],
+        start={"theta": 0.0, "w": 0.0},
+    )
+    into, _ = separatrices(Plane(pendulum), ((-1.0, 7.0), (-3.0, 3.0)))
+    curve = next(curve for curve in into if curve[-1, 0] < 0)
+    w = np.interp(0.0, curve[::-1, 0], curve[::-1, 1])
+    for share, passes in ((0.999, False), (1.001, True)):
+        run = simulate(pendulum, 30.0, start={"w": share * w}, **PLAIN)
+        assert (run["theta"].max() > 4.0) == passes
+
+
+def test_a_virtual_saddle_has_no_separatrices():
+    """Beyond its own guard, where its mode does not hold; inside they end at the guard."""
+
+    def system(rest):
+        return System(
+            "wall",
+            {"x": "m", "v": "m/s"},
+            {},
+            [Mode("motion", lambda t, s, p: (s.v, s.x - rest))],
+            [
+                Transition(
+                    "motion",
+                    "motion",
+                    guard=lambda t, s, p: s.x,
+                    direction=-1,
+                    reset=lambda t, s, p: (0.0, -s.v),
+                )
+            ],
+            start={"x": 1.0, "v": 0.0},
+        )
+
+    assert separatrices(Plane(system(-1.0)), BOX) == ([], [])
+    into, out = separatrices(Plane(system(1.0)), BOX)
+    assert len(into) == len(out) == 2
+    for curve in into + out:
+        np.testing.assert_allclose(np.abs(curve[:, 0] - 1.0), np.abs(curve[:, 1]), atol=1e-6)
+        assert curve[:, 0].min() > -0.1
+
+
+def test_the_legend_lists_only_nullclines_that_are_there_and_follows():
+    view = phase_portrait(linear([[-1, 0], [0, -1]], b=(0.0, 5.0)), starts=0, limits=BOX, horizon=1)
+    names = [text.get_text() for text in view.axes.get_legend().get_texts()]
+    assert names == ["d$x$/d$t$ = 0"]  # dv/dt = 0 lies outside
+    view.update(simulate(view.system, 1.0, a22=-4.0, **PLAIN))
+    assert view.relimited
+    names = [text.get_text() for text in view.axes.get_legend().get_texts()]
+    assert names == ["d$x$/d$t$ = 0", "d$v$/d$t$ = 0"]
+
+
+def drawn(axes):
+    """The boxes of the words on the x axis that are in sight, from left to right."""
+    figure = axes.get_figure()
+    figure.png()
+    renderer, (low, high) = figure.canvas.get_renderer(), sorted(axes.get_xlim())
+    labels = [
+        text
+        for at, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)
+        if low <= at <= high and text.get_text()
+    ]
+    return [text.get_window_extent(renderer) for text in labels]
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(-5, 5),
+    st.floats(-9, 5),
+    st.floats(1.5, 9),
+    st.sampled_from([1.0, 0.5, 0.3]),
+    st.booleans(),
+)
+def test_numbers_on_an_axis_never_run_together(middle, power, width, scale, seconds):
+    """Wide and narrow, zoomed in, and with large type: a figure made smaller, as in a classroom."""
+    fig = figure(1, 1, width=max(width * scale, 1.5), height=2.0)
+    axes = fig.axes[0]
+    if seconds:
+        over_time(axes, "$t$", "s")
+    axes.set_xlim(middle, middle + 10.0**power)
+    boxes = drawn(axes)
+    assert all(b.x0 - a.x1 > 1 for a, b in zip(boxes, boxes[1:], strict=False))
+
+
+def test_seconds_have_a_prefix_on_a_short_axis():
+    fig = figure()
+    axes = fig.axes[0]
+    over_time(axes, "$t$", "s")
+    for end, unit, last in ((20.0, "s", "20.0"), (0.02, "ms", "20.0"), (3e-5, "µs", "30")):
+        axes.set_xlim(0, end)
+        fig.png()
+        assert axes.get_xlabel() == f"$t$ [{unit}]"
+        shown = [text.get_text() for text in axes.get_xticklabels()]
+        assert last in shown
+    axes.set_xlabel("another")
+    axes.set_xlim(0, 5.0)
+    fig.png()
+    assert axes.get_xlabel() == "another"  # an author's own
+    over_time(axes, "$t$", "h")
+    assert axes.get_xlabel() == "$t$ [h]"
+
+
+def test_a_common_factor_is_a_power_of_ten():
+    axes = figure().axes[0]
+    axes.set_ylim(0, 3e-6)
+    axes.get_figure().png()
+    assert axes.yaxis.get_offset_text().get_text() == "×10⁻⁶"
+
+
+def test_numbers_in_words():
+    assert said(-1.25e-5) == "−1.25·10⁻⁵" and said(1e-4) == "0.0001" and said(1e6) == "10⁶"
+    assert said(0.25) == "0.25" and said(-3) == "−3"
+
+
+def test_title_and_legend_never_lie_over_each_other(block):
+    run = simulate(block, 12.0, **PLAIN)
+    for width in (9.0, 4.0, 2.6):
+        view = time_plot(run, ("x", "V", "F"), title="A block that sticks and slips", width=width)
+        view.figure.png()
+        for scale in (1.0, 1.4, 2.0):  # larger type: the panel makes the figure smaller
+            view.figure.set_size_inches(max(width / scale, 1.0), 4.0 / scale)
+            view.figure.png()
+            renderer, axes = view.figure.canvas.get_renderer(), view.axes[0]
+            title = axes._left_title.get_window_extent(renderer)
+            legend = axes.get_legend().get_window_extent(renderer)
+            assert not title.overlaps(legend), (width, scale)
+
+
+def test_the_legend_has_the_colours_of_the_bands_and_of_the_strip(block):
+    """In the saved picture too, with its few colours."""
+    view = time_plot(simulate(block, 12.0, **PLAIN), "x")
+
+    def samples():
+        return view.axes[0].get_legend().legend_handles
+
+    image = pixels(view.figure.png()).reshape(-1, 3)
+    colors, counts = np.unique(image, axis=0, return_counts=True)
+    for patch, sample in zip(view._modes[0].patches, samples(), strict=True):
+        r, g, b, alpha = patch.get_facecolor()
+        over_white = 1 - alpha * (1 - np.array([r, g, b]))
+        np.testing.assert_allclose(sample.get_facecolor()[:3], over_white, atol=1e-9)
+        assert counts[np.abs(colors - 255 * over_white).max(axis=1) < 1.5].sum() > 1000
+    before = [sample.get_facecolor() for sample in samples()]
+    view.update(simulate(block, 400.0, **PLAIN))  # now a strip
+    assert view.relimited
+    for color, old, sample in zip(mode_colors(block).values(), before, samples(), strict=True):
+        np.testing.assert_allclose(
+            sample.get_facecolor()[:3], 1 - 0.8 * (1 - np.array(to_rgb(color)))
+        )
+        assert sample.get_facecolor() != old
+
+
+def test_names_of_guards_lie_on_no_other_line():
+    relay = System(
+        "relay",
+        {"x": "m", "v": "m/s"},
+        {"a": 0.3},
+        [
+            Mode("up", lambda t, s, p: (s.v, 1.0 - s.v)),
+            Mode("down", lambda t, s, p: (s.v, -1.0 - s.v)),
+        ],
+        [
+            Transition("up", "down", lambda t, s, p: s.x - p.a, direction=1, label="switch up"),
+            Transition("down", "up", lambda t, s, p: s.x + p.a, direction=-1, label="switch down"),
+        ],
+        start={"x": 0.0, "v": 0.0},
+        mode=lambda t, s, p: "up" if s.x < 0 else "down",
+    )
+    for a in (0.3, 0.05, 1.0):
+        run = simulate(relay, 12.0, a=a, **PLAIN)
+        view = phase_portrait(run, direction_field=False)
+        view.figure.png()
+        renderer = view.figure.canvas.get_renderer()
+        guards = next(part for part in view.layers if type(part).__name__ == "GuardLines")
+        boxes = [text.get_window_extent(renderer) for text in guards.words.values()]
+        assert len(boxes) == 2 and not boxes[0].overlaps(boxes[1])
+        path = view.axes.transData.transform(np.column_stack([run["x"], run["v"]]))
+        for box in boxes:
+            assert not ((path > box.min) & (path < box.max)).all(axis=1).any()
+            for edge in (-a, a):
+                at = view.axes.transData.transform((edge, 0))[0]
+                assert not box.x0 < at < box.x1, (a, edge)
+
+
+def test_a_picture_says_in_words_what_it_shows(ball, block):
+    run = simulate(ball, 3.0, **PLAIN)
+    view = time_plot(run, "y")
+    assert view.figure.alt == (
+        f"ball: y [m] over t [s]; 0 to 3 across, {said(view.axes[0].get_ylim()[0], 3)} to "
+        f"{said(view.axes[0].get_ylim()[1], 3)} up; 1 event"
+    )
+    assert view._repr_mimebundle_()[1]["image/png"]["alt"] == view.figure.alt
+    text = time_plot(simulate(block, 5.0, **PLAIN), ("x", "V")).figure.alt
+    assert "x [m], V [m/s] over t [s]; " in text and "curves x, V; modes stick, slip; " in text
+    portrait = phase_portrait(simulate(block, 5.0, **PLAIN))
+    assert (
+        portrait.figure.alt.startswith("block: V [m/s] over x [m]; ")
+        and "lets go" in portrait.figure.alt
+    )
+    sketch = Sketch(4, 2)
+    sketch.block((2, 1), 1, 1, "$m_{1}$")
+    assert sketch.figure.alt == "in words: m1"
+    distance = curves(run, lambda run: {"r": (run.t, np.abs(run["v"]) + 1.0)}, log="y")
+    assert "logarithmic in y" in distance.figure.alt
+    panel = explore(ball, 3.0, lambda run: time_plot(run, "y"), **PLAIN)
+    assert panel.spec["alt"].startswith("ball: y [m] over t [s]; ")
+    short = time_plot(simulate(ball, 0.02, **PLAIN), "y")
+    short.figure.png()
+    assert "over t [ms]; 0 to 20 across" in short.figure.alt
+
+
+def test_formulas_in_plain_words():
+    assert plain(r"$\theta_{1}$ [rad/s]") == "θ1 [rad/s]"
+    assert plain(r"d$x$/d$t$ = 0") == "dx/dt = 0"
+    assert plain(r"$\mathrm{mass} \leq \frac{a}{b}$") == "mass ≤ a/b"
+
+
+# -- what is private in Matplotlib: each name that labkit/draw/private.py uses
+
+
+def test_set_path_still_needs_to_be_told():
+    """When this fails, Matplotlib has mended it, and `reshape` may go."""
+    patch = PathPatch(Path([(0, 0), (1, 1)]))
+    patch.stale = False
+    reshape(patch, Path([(0, 0), (2, 2)]))
+    assert patch.stale and patch.get_path().vertices.max() == 2
+
+
+def test_the_size_of_numbers_is_that_of_the_labels():
+    axes = figure().axes[0]
+    axes.tick_params(labelsize=13)
+    assert tick_size(axes.xaxis) == 13 == axes.get_xticklabels()[0].get_size()
+
+
+def test_words_and_lines_are_measured_as_matplotlib_does():
+    ours, theirs = Renderer(100, 100, 120), RendererAgg(100, 100, 120)
+    prop = FontProperties(size=11)
+    for words, formula in (("many words", False), (r"$\frac{a}{b}$", True)):
+        for _ in range(2):  # the second time from memory
+            got = ours.get_text_width_height_descent(words, prop, formula)
+            assert got == theirs.get_text_width_height_descent(words, prop, formula)
+    fig = figure()
+    many = fig.text(0.5, 0.5, "two\nlines", fontproperties=prop)
+    assert many.get_window_extent(ours).bounds == many.get_window_extent(theirs).bounds
+    other = SimpleNamespace()
+    measure_as(other, ours)
+    assert other.get_text_width_height_descent("many words", prop, False)[0] > 0
+
+
+def test_a_canvas_keeps_its_renderer_until_its_size_changes():
+    fig = figure()
+    first = fig.canvas.get_renderer()
+    assert isinstance(first, Renderer) and fig.canvas.get_renderer() is first
+    fig.set_size_inches(3, 2)
+    second = fig.canvas.get_renderer()
+    assert second is not first and (second.width, second.height) == (360, 240)
+
+
+def test_private_names_of_matplotlib_stand_in_one_file():
+    folder = ROOT / "labkit"
+    names = (
+        "_get_font_height",
+        "_lastKey",
+        "_get_tick_label_size",
+        "_unscaled_dash",
+        "_left_title",
+    )
+    for file in folder.rglob("*.py"):
+        if file != folder / "draw" / "private.py":
+            text = file.read_text(encoding="utf-8")
+            assert not [name for name in names if name in text], file
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    for package in ("matplotlib", "numba"):
+        assert re.search(rf'"{package}>=[\d.]+,<[\d.]+', project), package
+
+
+def test_a_name_that_is_both_option_and_parameter_is_refused():
+    tank = System(
+        "tank",
+        {"x": "m", "v": "m/s"},
+        {"height": 2.0, "width": 1.0, "limits": 0.0, "at": 1.0, "verdict": 3.0, "sliders": 1.0},
+        [Mode("m", lambda t, s, p: (s.v, -p.height * s.x))],
+        start={"x": 1.0, "v": 0.0},
+    )
+    run = simulate(tank, 1.0, height=3.0, **PLAIN)
+    assert phase_portrait(run).plane.p.height == 3.0
+    for call in (
+        lambda: phase_portrait(tank, horizon=1.0, height=3.0),
+        lambda: phase_portrait(run, at=3.0),
+        lambda: equilibria(tank, limits=BOX),
+        lambda: time_plot(run, "x", width=3.0),
+        lambda: curves(run, lambda run: {}, height=3.0),
+        lambda: planes(run, None, height=2.0),
+        lambda: explore(tank, 1.0, sliders=0.3),
+        lambda: explore(system=tank, horizon=1.0, verdict=0.3),
+    ):
+        with pytest.raises(ModelError, match="is an option of .* and a parameter of 'tank'"):
+            call()
+
+
+def test_views_in_two_figures_are_refused(ball):
+    run = simulate(ball, 1.0, **PLAIN)
+    with pytest.raises(ModelError, match="view 2 of 2, TimePlot, was drawn into another figure"):
+        Together(time_plot(run, "y"), time_plot(run, "v"))
+
+
 def test_portrait_refuses_nonsense(ball):
     with pytest.raises(ModelError, match="not a state"):
         phase_portrait(ball, "y", "w", horizon=1.0)
@@ -955,7 +1374,7 @@ def test_portrait_refuses_nonsense(ball):
         phase_portrait(one, horizon=1.0)
 
 
-# -- sketches -------------------------------------------------------------------------------------------------------------
+# -- sketches --------------------------------------------------------------------------------------
 
 
 def test_sketch_pieces_meet_at_their_points():
@@ -1142,3 +1561,20 @@ def test_the_time_axis_follows_the_end_of_the_run_both_ways():
     for end, shown in ((20.0, 20.0), (10.0, 10.0), (15.0, 15.0), (10.0, 10.0), (4.0, 10.0)):
         view.update(simulate(system, end))
         assert view.axes[0].get_xlim() == (0.0, shown)
+
+
+def test_a_mode_at_rest_has_no_guard_lines_in_the_plane():
+    from labkit import characteristic
+
+    relay = characteristic("relay")
+    system = System(
+        "second",
+        {"x": "", "v": ""},
+        {"K": 1.0},
+        **relay.modes(lambda t, s, p, F: (s.v, -F - s.x)),
+        start={"x": 1.0, "v": 0.0},
+    )
+    portrait = phase_portrait(system, "x", "v", starts=0, horizon=1.0, limits=((-2, 2), (-2, 2)))
+    said = [text.get_text() for text in portrait.axes.texts if text.get_visible()]
+    assert any("through 0" in words for words in said)
+    assert not any("leaves" in words for words in said)

@@ -1,5 +1,6 @@
-"""python -m labkit: what it does before there is an environment, what it says when something is missing, what it starts."""
+"""python -m labkit: before there is an environment, when something is missing, what it starts."""
 
+import json
 import os
 import subprocess
 import sys
@@ -26,7 +27,8 @@ def test_only_the_standard_library_is_needed_at_first():
     """Isolated and without site-packages, as on a bare machine."""
     code = (
         f"import sys; sys.path.insert(0, {str(ROOT)!r}); import labkit.__main__\n"
-        "print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names) - {'labkit', '__main__'}))"
+        "names = {name.partition('.')[0] for name in sys.modules}\n"
+        "print(sorted(names - set(sys.stdlib_module_names) - {'labkit', '__main__'}))"
     )
     done = python("-I", "-S", "-c", code)
     assert done.stdout.strip() == "[]", done.stdout + done.stderr
@@ -108,6 +110,24 @@ def test_the_same_command_goes_to_the_environments_python(monkeypatch):
     assert environment["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
 
 
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (["shwo", "part3/06"], "no command 'shwo'; did you mean show"),
+        (["Run"], "no command 'Run'; did you mean run"),
+        (["xyzzy"], "no command 'xyzzy'; there are lab, show, page, run, test, setup, help"),
+    ],
+)
+def test_a_word_that_is_no_command_says_what_there_is(words, said, monkeypatch, capsys):
+    monkeypatch.setattr(main, "make_environment", lambda: pytest.fail("too late"))
+    assert main.main(words) == 1 and said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [[], ["--no-browser"], [str(ROOT / "notebooks")]])
+def test_options_and_files_go_to_the_lab(words):
+    assert main.split(words) == ("lab", words)
+
+
 # ---- filling it
 
 
@@ -127,8 +147,8 @@ def lock(tmp_path, monkeypatch):
 def test_packages_are_installed_once_for_each_lock(tmp_path, lock, capsys):
     purelib = tmp_path / "site"
     purelib.mkdir()
-    main.fill_environment(purelib)
-    main.fill_environment(purelib)
+    main.fill_environment(purelib, tmp_path)
+    main.fill_environment(purelib, tmp_path)
     ((command, packages),) = lock
     assert (
         command[-2:] == ["--requirement", str(main.LOCK)]
@@ -136,12 +156,16 @@ def test_packages_are_installed_once_for_each_lock(tmp_path, lock, capsys):
         and packages == 2
     )
     main.LOCK.write_text("numpy==2.5.5\n")
-    main.fill_environment(purelib)
+    main.fill_environment(purelib, tmp_path)
     assert len(lock) == 2
+    place = tmp_path / "etc" / "jupyter" / "jupyter_server_config.d"
+    assert json.loads((place / "labkit.json").read_text()) == {
+        "ServerApp": {"jpserver_extensions": {"labkit.jupyter": True}}
+    }
 
 
 def test_labkit_is_importable_from_every_folder_of_the_environment(tmp_path, lock):
-    main.fill_environment(tmp_path)
+    main.fill_environment(tmp_path, tmp_path)
     code = f"import site; site.addsitedir({str(tmp_path)!r}); import labkit; print(labkit.__file__)"
     assert (
         Path(python("-I", "-S", "-c", code, cwd=tmp_path).stdout.strip()).parent == ROOT / "labkit"
@@ -154,9 +178,9 @@ def test_a_failed_installation_is_tried_again(tmp_path, lock, monkeypatch):
 
     monkeypatch.setattr(main, "install", fail)
     with pytest.raises(main.SetupError):
-        main.fill_environment(tmp_path)
+        main.fill_environment(tmp_path, tmp_path)
     monkeypatch.setattr(main, "install", lambda command, packages: lock.append(command))
-    main.fill_environment(tmp_path)
+    main.fill_environment(tmp_path, tmp_path)
     assert len(lock) == 1
 
 
@@ -164,7 +188,8 @@ def test_a_failed_installation_is_tried_again(tmp_path, lock, monkeypatch):
     "last, mend",
     [
         (
-            "WARNING: NewConnectionError('<...>: Failed to establish a new connection: [Errno -2] Name or service not known')",
+            "WARNING: NewConnectionError('<...>: Failed to establish a new connection: "
+            "[Errno -2] Name or service not known')",
             "there is no network",
         ),
         ("ERROR: No matching distribution found for numpy==99", "show these lines to your teacher"),
@@ -192,27 +217,35 @@ def test_pips_success(capsys):
 # ---- what it starts
 
 
-def test_lab_opens_the_start_page_with_labkits_settings(monkeypatch):
+@pytest.fixture
+def became(monkeypatch):
+    """What `become` is told to become."""
     seen = []
-    monkeypatch.setattr(main, "warm", lambda: seen.append("warm"))
-    monkeypatch.setattr(
-        main.subprocess,
-        "run",
-        lambda command, env: seen.append((command, env)) or subprocess.CompletedProcess(command, 7),
-    )
+    monkeypatch.setattr(main, "warm", lambda: None)
+    monkeypatch.setattr(main, "become", lambda *all: seen.append(all) or 7)
+    return seen
+
+
+def test_lab_opens_the_start_page_with_labkits_settings(became):
     assert main.main(["--here", "--no-browser"]) == 7
-    _, (command, environment) = seen
-    assert (
-        command[1:3] == ["-m", "jupyterlab"]
-        and "--LabApp.default_url=/lab/tree/notebooks/start.ipynb" in command
-        and "--no-browser" in command
-    )
+    ((command, environment),) = became
+    assert command[1:3] == ["-m", "jupyterlab"] and "--no-browser" in command
+    assert "--LabApp.default_url=/lab/tree/notebooks/start.ipynb" in command
     assert f"--ServerApp.root_dir={ROOT}" in command
     assert ("--allow-root" in command) == (hasattr(os, "geteuid") and os.geteuid() == 0)
     settings = Path(environment["JUPYTER_CONFIG_PATH"].split(os.pathsep)[0])
-    assert (settings / "jupyter_server_config.py").exists() and (
-        settings / "labconfig" / "page_config.json"
-    ).exists()
+    names = ("jupyter_server_config.py", "jupyter_server_config.d/labkit.json", "voila.py")
+    assert all((settings / name).exists() for name in (*names, "labconfig/page_config.json"))
+
+
+def test_another_program_takes_this_ones_place():
+    """So that a signal to `labkit show` is a signal to Voilà."""
+    code = "import os; from labkit.__main__ import become; print(os.getpid(), flush=True)\n"
+    code += (
+        "import sys; become([sys.executable, '-c', 'import os; print(os.getpid())'], os.environ)"
+    )
+    mine, its = python("-c", code, cwd=ROOT).stdout.split()
+    assert (mine == its) == (os.name != "nt")
 
 
 @pytest.mark.parametrize(
@@ -262,23 +295,40 @@ def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):
     "word",
     ["part3/06", "part3/06_dc_dc_converter", "notebooks/part3/06_dc_dc_converter.ipynb", "06_dc"],
 )
-def test_show_finds_the_notebook_that_is_meant(word):
+def test_show_finds_the_notebook_that_is_meant(word, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     command = main.show_command([word, "--no-browser"])
-    assert (
-        command[1:4]
-        == ["-m", "voila", str(ROOT / "notebooks" / "part3" / "06_dc_dc_converter.ipynb")]
-        and command[-1] == "--no-browser"
-    )
+    path = ROOT / "notebooks" / "part3" / "06_dc_dc_converter.ipynb"
+    assert command[1:4] == ["-m", "voila", str(path)] and command[-1] == "--no-browser"
+
+
+def test_show_takes_a_notebook_of_ones_own(monkeypatch, tmp_path, became):
+    (tmp_path / "my_own.ipynb").touch()
+    monkeypatch.chdir(tmp_path)
+    for word in ("my_own", "my_own.ipynb", str(tmp_path / "my_own.ipynb")):
+        assert main.main(["--here", "show", word]) == 7
+    assert {command[3] for command, _ in became} == {str((tmp_path / "my_own.ipynb").resolve())}
 
 
 @pytest.mark.parametrize(
     "words, said",
     [
         ([], "which notebook"),
-        (["part9/1"], "is no notebook; say one of: .*start"),
+        (["--no-browser"], "which notebook"),
+        (["part9/1"], "is no notebook; .*part"),
+        (["part3/06_dcdc_converter"], "is no notebook; did you mean part3/06_dc_dc_converter"),
+        (["converter"], "is no notebook; did you mean part3/06_dc_dc_converter"),
+        (["xyzzy"], "is no notebook; there are concepts/.*start"),
         (["part3"], "is not one notebook; say one of: part3/00"),
     ],
 )
 def test_show_says_what_there_is_when_it_is_not_clear(words, said):
     with pytest.raises(main.SetupError, match=said):
         main.show_command(words)
+
+
+def test_page_writes_where_one_stands(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main.main(["--here", "page", "start"]) == 0
+    assert "start.html" in capsys.readouterr().out and (tmp_path / "start.html").exists()
+    assert main.main(["--here", "page"]) == 1 and "which notebook" in capsys.readouterr().err

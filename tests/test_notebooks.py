@@ -1,17 +1,26 @@
-"""What every saved notebook must be (a contract), and the functions that run and strip notebooks."""
+"""What every saved notebook must be (a contract), and what runs, strips and completes them."""
 
 import ast
 import base64
 import copy
 import json
 import re
+import sys
 
 import nbformat
 import pytest
 from nbclient.exceptions import CellExecutionError
 
 from labkit import notebooks, simulate
-from labkit.notebooks import WIDGET, execute, execute_all, found, pre_save_hook, strip
+from labkit.notebooks import (
+    WIDGET,
+    complete,
+    execute,
+    execute_all,
+    found,
+    pre_save_hook,
+    strip,
+)
 
 from .helpers import ASSIGNMENTS, CONCEPTS, FOLDER, NOTEBOOKS, code_cells, load, read, source
 
@@ -97,7 +106,10 @@ def test_it_states_system_and_horizon_before_the_first_picture_but_a_sketch(name
 
 @pytest.mark.parametrize("name", CONCEPTS)
 def test_a_concept_has_its_own_headings_numbered_and_a_prediction(name):
-    """A concept follows its own thread; but it predicts before it shows, and ends with answers and tasks."""
+    """A concept follows its own thread.
+
+    But it predicts before it shows, and ends with answers and tasks.
+    """
     text = "\n".join(
         source(cell) for cell in read(name)["cells"] if cell["cell_type"] == "markdown"
     )
@@ -156,7 +168,9 @@ def saved(tmp_path):
 
 PANEL = """\
 from labkit import Mode, System, explore
-system, horizon = System("circle", {"x": "", "y": ""}, {"w": 1.0}, [Mode("turn", lambda t, s, p: (p.w * s.y, -p.w * s.x))], start={"x": 1.0, "y": 0.0}), 5.0
+turn = Mode("turn", lambda t, s, p: (p.w * s.y, -p.w * s.x))
+start = {"x": 1.0, "y": 0.0}
+system, horizon = System("circle", {"x": "", "y": ""}, {"w": 1.0}, [turn], start=start), 5.0
 explore(system, horizon)"""
 
 
@@ -224,6 +238,16 @@ def test_strip_takes_widgets_stamps_and_cuts_and_leaves_the_rest():
         "d",
     ]
     assert strip(copy.deepcopy(made)) == made
+
+
+def test_a_notebook_that_is_read_says_what_its_kernel_will_say():
+    made = notebook("a")
+    made.metadata |= {"widgets": {}, "language_info": {"name": "python", "version": "2.7"}}
+    assert complete(made) is made and "widgets" not in made.metadata
+    assert made.metadata["language_info"] == {"name": "python", "version": sys.version.split()[0]}
+    for language in ({"name": "julia"}, None):
+        made.metadata["language_info"] = language
+        assert complete(made).metadata["language_info"] == language
 
 
 def test_the_save_hook_strips_notebooks_and_nothing_else():

@@ -1,4 +1,7 @@
-"""The handbook's item 4 of part 3 on the notebook's own models: limit cycle, weighted mean, daily outside temperature, two time constants, dead times."""
+"""The handbook's item 4 of part 3 on the notebook's own models.
+
+Limit cycle, weighted mean, daily outside temperature, two time constants, dead times.
+"""
 
 import math
 
@@ -61,7 +64,10 @@ def test_limit_cycle_of_the_handbook(names):
 )
 @pytest.mark.parametrize("which", ["system", "system_three"])
 def test_limit_cycle_against_the_formula(names, which, change):
-    """Thresholds overrun for Td along the exponentials, each phase with its own time constant; written here once more by hand."""
+    """Thresholds overrun for Td along the exponentials, each phase with its own time constant.
+
+    Written here once more by hand.
+    """
     system = names[which]
     p = system.values(change)
     Th, Tc = p.T, getattr(p, "Tc", p.T)
@@ -148,7 +154,7 @@ def test_two_time_constants_make_heat(names):
 
 
 def test_the_past_matters(names):
-    """Replacements made from the present miss the cycle; the tangent has a closed form of its own."""
+    """What is made from the present misses the cycle; the tangent has a closed form of its own."""
     high, low, on, off = names["observed"](simulate(names["tangent_model"], 24.0, **TIGHT))
     assert (high, low) == (
         pytest.approx(15 + 7.5 / 1.2, abs=1e-8),
@@ -171,3 +177,27 @@ def test_without_location_the_period_is_too_long(names):
 def test_ideal_switch_slides(names):
     run = simulate(names["system"], 24.0, b=0.0, Td=0.0)
     assert run.stopped == "finished" and run["tau"][-1] == pytest.approx(5, abs=1e-9)
+
+
+def test_answers_of_the_tasks(names):
+    """By hand, from the formulas of the swing and the period."""
+    q, right = math.exp(-0.2), names["solutions"]
+    assert right["power"] == pytest.approx(2.5, abs=1e-6)
+    assert right["period"] == pytest.approx(2 * math.log(2 / q - 1), abs=1e-8)
+    assert right["calmest"] == pytest.approx(2.75)
+    assert right["swing"] == pytest.approx(10 * (1 - q) + q - 1.5 * q, abs=1e-8)
+    assert names["run"].events["switch off"].t[0] == pytest.approx(math.log(10 / 4.5) + 0.2)
+
+
+def test_a_loss_that_depends_on_the_mode_closes_the_balance(names):
+    """Energy: with one capacity, what is lost in a cycle is what was paid; with one loss, not."""
+    _, _, on, _ = names["cycle"](names["system_three"].values())
+    assert names["paid"] == pytest.approx(5 * on, abs=1e-6)
+    assert names["lost"][1] == pytest.approx(5 * on, abs=1e-4)
+    assert names["lost"][0] - names["paid"] > 0.5
+
+
+def test_an_error_in_time_stays(names):
+    """Without location every cycle adds its own part, so ten days are ten times as wrong as one."""
+    late = names["ten_days"][False]
+    assert 8 < late[-1] / late[42] < 12 and names["ten_days"][True][-1] < 1e-6

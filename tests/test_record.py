@@ -28,7 +28,10 @@ class Picture:
 
 
 def replayed(message, buffers):
-    """The message as pixels: its strokes go through a plain Agg renderer, so that only the notes are tested and no browser."""
+    """The message as pixels.
+
+    Its strokes go through a plain Agg renderer, so that only the notes are tested and no browser.
+    """
     message = json.loads(json.dumps(message))  # what arrives
     points, pixels = (
         np.frombuffer(buffers[0], "<f4").reshape(-1, 2).astype(float),
@@ -314,3 +317,17 @@ def test_axes_that_stay_while_others_are_zoomed_are_not_drawn_again(monkeypatch)
         scene.forget()
         again, whole = scene.picture(settled=False)
         assert drawn_axes == [zoomed, 0, 1] and message == again and buffers == whole
+
+
+def test_heads_of_trajectories_are_sent_with_the_curve():
+    """Also those that follow it: Matplotlib's set_path does not say that a patch has changed."""
+    run = simulate(ball(), 3.0, backend="plain")
+    view = phase_portrait(run, limits=((0, 12), (-15, 15)))
+    scene = Scene(view)
+    scene.picture(everything=True)
+    heads = next(part.heads for part in view.layers if hasattr(part, "heads"))
+    view.update(run.again(start={"y": 5.0}))
+    message, _ = scene.picture()
+    sent = set(message["ops"])
+    names = {f"m{view.artists.index(head)}" for head in heads if len(head.get_path().vertices)}
+    assert names and names <= sent

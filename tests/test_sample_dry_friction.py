@@ -28,7 +28,9 @@ def test_handbook_values(system):
         4,
         1,
     ]
-    assert system.start == {"x": 0.0, "V": 0.0} and system.mode == "stick"
+    assert system.start == {"x": 0.0, "V": 0.0}
+    assert simulate(system, 0.1).mode[0] == "stick"
+    assert simulate(system, 0.1, start={"x": 2.0, "V": 2.5}).mode[0] == "slip"
 
 
 @pytest.mark.parametrize("change", [{}, {"k": 3.0}, {"Vp": 0.7}, {"Fs": 8.0}])

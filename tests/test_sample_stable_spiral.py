@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from labkit import ModelError, explore, jacobian, simulate
+from labkit import ModelError, affine, describe, explore, jacobian, planes, simulate
 from labkit.linear import classify
 
 from .helpers import load, read, source
@@ -21,9 +21,8 @@ def book():
 
 
 def by_matrices(run):
-    """The handbook's own form, s(t) = e^{At} s0 + A⁻¹(e^{At} − E) b, as complex numbers s1 + j s2."""
-    p = run.p
-    A, b = np.array([[p.alpha, p.beta], [-p.beta, p.alpha]]), np.array([p.b1, p.b2])
+    """The handbook's own form, e^{At} s0 + A⁻¹(e^{At} − E) b, as complex numbers s1 + j s2."""
+    A, b = affine(run.system, run.p)
     s0 = np.array([run.start["s1"], run.start["s2"]])
     rows = [expm(A * t) @ s0 + np.linalg.solve(A, (expm(A * t) - np.eye(2)) @ b) for t in run.t]
     return np.array([complex(*row) for row in rows])
@@ -32,7 +31,7 @@ def by_matrices(run):
 def test_handbook_values(book):
     system = book["system"]
     assert book["horizon"] == 10.0 and list(system.units) == ["s1", "s2"]
-    assert system.values()._asdict() == {"alpha": -2.0, "beta": 1.0, "b1": 2.0, "b2": 3.0}
+    assert affine(system)[1].tolist() == [2.0, 3.0] and system.time == "ms"
     A = jacobian(system).at()
     assert A.tolist() == [[-2.0, 1.0], [-1.0, -2.0]]
     assert (round(np.linalg.det(A), 12), np.trace(A)) == (5.0, -4.0)
@@ -50,7 +49,7 @@ def test_jacobian_is_constant(book):
 
 @pytest.mark.parametrize(
     "changed",
-    [{}, {"alpha": -0.3, "beta": 4.0, "b1": -1.0}, {"alpha": 0.0, "beta": 2.0}, {"alpha": 0.2}],
+    [{}, {"R": 0.3, "omega": 4.0, "v1": -1.0}, {"R": 0.0, "omega": 2.0}, {"L": 2.5, "v2": -2.0}],
 )
 def test_exact_solution_of_the_notebook_is_the_handbooks(book, changed):
     run = simulate(book["system"], 5.0, points=20, **changed)
@@ -121,7 +120,7 @@ def test_orders_of_the_methods(book):
 
 @pytest.mark.parametrize("method, terms", [("Euler", 1), ("Heun", 2), ("RK4", 4)])
 def test_largest_stable_step(book, method, terms):
-    """The notebook's limit of Euler, and the answer to its task on Heun and RK4, as the engine really behaves."""
+    """The limit of Euler and the answers on Heun and RK4, as the engine really behaves."""
     factor = np.array([1, 1, 1 / 2, 1 / 6, 1 / 24])[: terms + 1]
     limit = brentq(lambda h: abs(np.polyval(factor[::-1], h * (-2 - 1j))) - 1, 0.3, 3)
     assert limit == pytest.approx(
@@ -145,7 +144,7 @@ def test_euler_at_its_limit_shows_a_centre(book):
 
 
 def test_tolerance_is_about_the_state_and_not_about_the_distance(book):
-    """Section 6: at a loose tolerance the distance stays far above theory at the end, at a tight one it follows it."""
+    """Section 6: only at a tight tolerance the distance follows theory to the end."""
     ends = {}
     for q in (1e-3, 1e-9):
         run = simulate(book["system"], 10.0, method="RK45", rtol=q, atol=q / 100)
@@ -157,18 +156,18 @@ def test_tolerance_is_about_the_state_and_not_about_the_distance(book):
 
 def test_answers_to_the_tasks(book):
     system, state, rest = book["system"], book["state"], book["rest"]
-    half = simulate(system, 2 * np.pi, alpha=-0.1103)
+    half = simulate(system, 2 * np.pi, R=0.1103)
     r = np.abs(state(half) - rest(half.p))
     assert r[-1] / r[0] == pytest.approx(0.5, abs=1e-3)
-    assert rest(system.values({"b1": -2.0, "b2": 4.0})) == pytest.approx(2j)
-    centre = simulate(system, 6.3, alpha=0.0, method="Euler", step=0.1)
+    assert rest(system.values({"v1": -2.0, "v2": 4.0})) == pytest.approx(2j)
+    centre = simulate(system, 6.3, R=0.0, method="Euler", step=0.1)
     r = np.abs(state(centre) - rest(centre.p))
     assert r[-1] / r[0] == pytest.approx(1.368, abs=5e-4)
     mirror = np.diag([1.0, -1.0])
     assert (mirror @ [[-2, 1], [-1, -2]] @ mirror).tolist() == [[-2, -1], [1, -2]]
     errors = []
     for k in (0.1, 1.0):
-        run = simulate(system, 10.0, start={"s1": 4.0 * k, "s2": -2.0 * k}, b1=2.0 * k, b2=3.0 * k)
+        run = simulate(system, 10.0, start={"s1": 4.0 * k, "s2": -2.0 * k}, v1=2.0 * k, v2=3.0 * k)
         errors.append(np.abs(state(run) - book["exact"](run)).max())
     assert errors[1] / errors[0] == pytest.approx(10, rel=0.3)
 
@@ -182,21 +181,34 @@ def test_panel_at_the_ends_of_its_sliders(book):
         sliders={"s1": (-5, 5), "s2": (-5, 5)},
     )
     panel.check()
-    words = {
-        alpha: book["verdict"](simulate(book["system"], 10.0, alpha=alpha))
-        for alpha in (-2.0, 0.0, 0.5)
-    }
-    assert [words[alpha].split(" at ")[0] for alpha in words] == [
-        "stable spiral point",
-        "centre",
-        "unstable spiral point",
-    ]
-    assert "(1.4, 0.8)" in words[-2.0] and "3.5e-06" in words[-2.0]
+    words = {R: book["verdict"](simulate(book["system"], 10.0, R=R)) for R in (2.0, 0.0)}
+    assert [text.split(" at ")[0] for text in words.values()] == ["stable spiral point", "centre"]
+    assert "(1.4, 0.8)" in words[2.0] and "3.5e-06" in words[2.0]
+    assert "saturates" not in words[2.0]
+    assert "saturates" in book["verdict"](simulate(book["system"], 10.0, R=0.0, omega=0.5))
+
+
+def test_second_panel_is_the_sample_and_its_likes(book):
+    system, parts = book["system_two"], book["parts_two"]
+    explore(system, book["horizon_two"], lambda run: planes(run, parts)).check()
+    assert affine(system, system.values({"alpha": -2.0, "k": 0.0}))[0] == pytest.approx(
+        np.array([[-2.0, 1.0], [-1.0, -2.0]])
+    )
+    for alpha, kind in ((-2.0, "stable spiral point"), (0.5, "unstable spiral point")):
+        assert kind in describe(simulate(system, 5.0, alpha=alpha), parts)
+
+
+def test_solutions(book):
+    found = book["solutions"]
+    assert found["halving"] == pytest.approx(0.1103, abs=5e-5)
+    assert found["voltages"] == [-2.0, 4.0]
+    assert found["growth"] == pytest.approx(1.368, abs=5e-4)
+    assert found["Heun"] == pytest.approx(0.9611, abs=5e-5)
 
 
 def test_ranges_keep_a_spiral(book):
-    with pytest.raises(ModelError, match="beta"):
-        simulate(book["system"], 10.0, beta=0.0)
+    with pytest.raises(ModelError, match="omega"):
+        simulate(book["system"], 10.0, omega=0.0)
 
 
 def test_misprint_of_the_handbook(book):

@@ -1,10 +1,12 @@
-"""Pictures: time plots, phase portraits, sketches. Each is an ordinary Matplotlib figure in one house style.
+"""Pictures: time plots, curves, phase portraits, sketches. Each is an ordinary Matplotlib figure
+in one house style.
 
 time_plot(run, "x", ("V", "F"))
 phase_portrait(system, "x", "v", starts=40, horizon=10.0)
 Sketch(8, 3)
 """
 
+from .curves import Curves, curves
 from .figure import COLORS, Figure, figure, mode_colors
 from .overlay import Handle
 from .phase import (
@@ -23,6 +25,7 @@ from .view import View
 
 __all__ = [
     "COLORS",
+    "Curves",
     "Figure",
     "Handle",
     "Motion",
@@ -32,6 +35,7 @@ __all__ = [
     "TimePlot",
     "View",
     "arrow_heads",
+    "curves",
     "direction_field",
     "equilibria",
     "figure",

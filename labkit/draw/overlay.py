@@ -1,8 +1,10 @@
-"""What a hand adds to a picture on the screen: handles to drag, a time cursor, a held run, trajectories that a click has started.
+"""What a hand adds to a picture on the screen.
 
-Handle(axes, "alpha", "beta")                        # in the list that a panel's `draw` returns: its place sets two parameters
-Handle(axes, place=lambda run: (…, …), values=lambda x, y: {"a": …, "b": …})
-Overlay(view.shows)
+Handles to drag, a time cursor, a held run, trajectories that a click has started.
+
+    Handle(axes, "alpha", "beta")         # its place sets two parameters; a panel's `draw` lists it
+    Handle(axes, place=lambda run: (…, …), values=lambda x, y: {"a": …, "b": …})
+    Overlay(view.shows)
 """
 
 from __future__ import annotations
@@ -23,11 +25,15 @@ __all__ = ["Handle", "Overlay"]
 
 
 class Handle(View):
-    """Handle(axes, "x", "v"): a dot that mouse, finger and arrow keys move; its place sets parameters or start values.
+    """Handle(axes, "x", "v"): a dot that mouse, finger and arrow keys move.
 
-    names    two parameters or states: the dot stands at their values, (x, v), in the coordinates of the axes
+    Its place sets parameters or start values.
+
+    names    two parameters or states: the dot stands at their values, (x, v), in the coordinates of
+             the axes
     place    place(run) -> (x, y), where the dot stands for a run, if that is something else
-    values   values(x, y) -> {name: value} for a new place, if that is something else; may be fewer or more than two
+    values   values(x, y) -> {name: value} for a new place, if that is something else; may be fewer
+             or more than two
     A panel clips the values to the ranges of the sliders. Raises ModelError when names are missing.
     """
 
@@ -77,7 +83,8 @@ class Handle(View):
 class Overlay(View):
     """Overlay(shows): artists over the axes of a view; all are empty at first.
 
-    overlay.point(run, t)   the cursor: a line in time plots, a dot on every curve; t = None takes it away
+    overlay.point(run, t)   the cursor: a line in time plots, a dot on every curve; t = None takes
+                            it away
     overlay.hold(run)       the run as a grey ghost; None takes it away
     overlay.add(runs)       trajectories that clicks have started, in all planes
     """
@@ -143,24 +150,24 @@ class Overlay(View):
         """Nothing: what stands here belongs to instants and to other runs."""
 
     def point(self, run: Run, t: float | None) -> None:
-        values = {} if t is None else {"t": t, **run.at(t)}
         for show, line, dot in zip(self.shows, self.lines, self.dots, strict=True):
-            there = [name for name in show.names if name in values and show.x in values]
-            dot.set_data([values[show.x] for _ in there], [values[name] for name in there])
+            there = [] if t is None else show.points(run, t)
+            dot.set_data([x for x, _ in there], [y for _, y in there])
             line.set_data(*(([t, t], [0, 1]) if there and show.x == "t" else ([], [])))
 
     def hold(self, run: Run | None) -> None:
         for show, lines in zip(self.shows, self.ghosts, strict=True):
             for name, line in zip(show.names, lines, strict=True):
-                line.set_data(
-                    ([], [])
-                    if run is None
-                    else (run.t if show.x == "t" else run[show.x], run[name])
-                )
+                line.set_data(*(([], []) if run is None else show.curve(run, name)))
 
     def add(self, runs: Sequence[Run]) -> None:
         for show, curve, starts in zip(self.shows, self.curves, self.starts, strict=True):
             if show.plane:
+                runs = [one for run in runs for one in _each(run)]
                 paths = [np.column_stack([run[show.x], run[show.names[0]]]) for run in runs]
                 curve.set_data(*_strung(paths))
                 starts.set_data([path[0, 0] for path in paths], [path[0, 1] for path in paths])
+
+
+def _each(run: Run | Mapping[str, Run]) -> list[Run]:
+    return list(run.values()) if isinstance(run, Mapping) else [run]

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from ..model import OPTIONS, ModelError, System, listed
+from ..model import OPTIONS, ModelError, System, listed, unambiguous
 from ..run import Run
 from ..runs import Runs
 from .figure import FAINT, head, style
@@ -25,11 +26,13 @@ from .layers import (
     GuardLines,
     Layer,
     Nullclines,
+    Separatrices,
     Trajectories,
     layer,
     stage,
 )
 from .plane import GRID, Limits, Plane
+from .ticks import said
 from .view import Shows, View, Window, _proper, extent
 
 __all__ = [
@@ -45,6 +48,7 @@ __all__ = [
 Starts = int | Mapping[str, ArrayLike] | ArrayLike | None
 
 
+@unambiguous
 def direction_field(
     system: System,
     x: str | None = None,
@@ -65,6 +69,7 @@ def direction_field(
     return layer(DirectionField, system, x, y, axes, limits, mode, t, at, parameters, points=points)
 
 
+@unambiguous
 def nullclines(
     system: System,
     x: str | None = None,
@@ -84,6 +89,7 @@ def nullclines(
     return layer(Nullclines, system, x, y, axes, limits, mode, t, None, parameters, points=points)
 
 
+@unambiguous
 def equilibria(
     system: System,
     x: str | None = None,
@@ -102,6 +108,7 @@ def equilibria(
     return layer(Equilibria, system, x, y, axes, limits, mode, t, None, parameters)
 
 
+@unambiguous
 def guard_lines(
     system: System,
     x: str | None = None,
@@ -141,6 +148,7 @@ def trajectories(
     return Trajectories(stage(plane, axes, limits), plane, runs, bold=bold)
 
 
+@unambiguous
 def phase_portrait(
     system: System | Run,
     x: str | None = None,
@@ -157,6 +165,7 @@ def phase_portrait(
     direction_field: bool = True,
     nullclines: bool = True,
     equilibria: bool = True,
+    separatrices: bool = True,
     guards: bool = True,
     title: str | None = None,
     width: float = 8.0,
@@ -167,42 +176,103 @@ def phase_portrait(
 
     In the plane of two states (default: the first two).
 
-    system      a System, or a Run: phase_portrait(run) is phase_portrait(run.system, run=run)
-    starts      how many trajectories (spread over the picture; 0: none), or
-                {"x": array, "v": array}, or an array (n, 2);
-                left out: 24, but none when there is a run
-    run         one Run, drawn bold; its end time is the default horizon, its parameters are the
-                default ones
-    limits      ((x low, x high), (y low, y high)); left out: from the run or the starts, and then
-                update() may widen them
-    mode, t, at what the field shows, see Plane: the mode (default: the one that holds at each
-                point), the instant, the other states and held variables
-    parameters  of the system; options of simulate_many (method=, rtol=, points=, …) may stand among
-                them
+    system       a System, or a Run: phase_portrait(run) is phase_portrait(run.system, run=run)
+    starts       how many trajectories (spread over the picture; 0: none), or
+                 {"x": array, "v": array}, or an array (n, 2);
+                 left out: 24, but none when there is a run
+    run          one Run, drawn bold; the trajectories are made as it was made: with its parameters,
+                 end time, method and tolerances
+    horizon      how long the trajectories are; left out: as the run
+    limits       ((x low, x high), (y low, y high)); left out: from the run or the starts, and then
+                 update() may widen them
+    mode, t, at  what the field shows, see Plane: the mode (default: the one that holds at each
+                 point), the instant, the other states and held variables
+    separatrices the two curves into and the two out of each saddle, where its mode holds
+    parameters   of the system; options of simulate_many (method=, rtol=, points=, …) may stand
+                 among them
     Nullclines and equilibria are left out, and view.notes says so, when the flow depends on time or
-    on further states. Raises ModelError for unknown names, or when no horizon is known.
+    on further states. Raises ModelError for unknown names, for a parameter that is called like one
+    of these options, or when no horizon is known.
     """
     if isinstance(system, Run):
         system, run = system.system, system if run is None else run
-    starts = (24 if run is None else 0) if starts is None else starts
-    return PhasePortrait(
-        system,
-        x,
-        y,
-        starts,
-        run,
-        horizon,
-        axes,
-        limits,
-        mode,
-        t,
-        at,
-        (direction_field, nullclines, equilibria, guards),
-        title,
-        width,
-        height,
-        parameters,
-    )
+    options = {key: parameters.pop(key) for key in list(parameters) if key in OPTIONS}
+    p = run.p if run is not None and not parameters else system.values(parameters)
+    plane = Plane(system, x, y, mode=mode, t=t, at=at, p=p)
+    if run is not None:
+        plane.hold(run.start)
+    many = _starts((24 if run is None else 0) if starts is None else starts, plane)
+    beside = Beside(plane, run, horizon, options)
+    if beside.t_end is None and (many or limits is None):
+        raise ModelError(
+            "phase_portrait needs horizon=, the end time of the trajectories (or a run)"
+        )
+    runs = beside.runs(many) if isinstance(many, dict) else None
+    around = limits or _around([r for r in (run, runs) if r is not None] or [beside.runs()], plane)
+    axes = stage(plane, axes, around, width, height)
+    if isinstance(many, int):
+        many = _spread(many, around, plane) if many else None
+        runs = beside.runs(many) if many else None
+    wanted = {
+        DirectionField: direction_field,
+        Nullclines: nullclines,
+        Equilibria: equilibria,
+        Separatrices: separatrices,
+        GuardLines: guards,
+    }
+    kinds = {kind for kind, use in wanted.items() if use}
+    return PhasePortrait(axes, beside, kinds, run, runs, many, limits is not None, title)
+
+
+class Beside:
+    """Beside(plane, run, horizon, options).runs({"x": array, "v": array}) -> Runs in the plane.
+
+    The one place that simulates for a portrait: as the run beside was made (its end time, method,
+    tolerances, mode), but for what the author has given. `follow` takes another run for it.
+    """
+
+    def __init__(
+        self, plane: Plane, run: Run | None, horizon: float | None, options: Mapping[str, object]
+    ):
+        self.plane, self.horizon, self.given = plane, horizon, dict(options)
+        self.t_end: float | None = None
+        self.follow(run)
+
+    def follow(self, run: Run | None) -> None:
+        like = {}
+        if run is not None and run.options:
+            like = {key: value for key, value in run.options.items() if key not in _OWN}
+        elif run is not None:  # made by hand
+            like = {"t0": float(run.t[0]), "t_end": float(run.t[-1])}
+        began = like.pop("t0", 0.0)
+        t0 = self.plane.t or began
+        if self.horizon is not None:
+            self.t_end = t0 + self.horizon
+        elif like:
+            self.t_end = t0 + like["t_end"] - began
+        like.pop("t_end", None)
+        system = self.plane.system
+        if like.get("mode") is None:
+            shown = self.plane.chosen
+            like["mode"] = None if callable(system.mode) or shown == system.mode else shown
+        self.how = {"points": 300, **like, "t0": t0, **self.given}
+
+    @property
+    def key(self) -> tuple:
+        """What the trajectories depend on beside their starts."""
+        return self.plane.key, self.t_end, self.how
+
+    def runs(self, start: Mapping[str, np.ndarray] | None = None) -> Runs:
+        from ..solve import simulate_many
+
+        held = {name: self.plane.values[name] for name in self.plane.system.held}
+        start = {**held, **(start or {})}
+        options = {"t_end": self.t_end, **self.how, "start": start}
+        return simulate_many(self.plane.system, **options, **self.plane.p._asdict())
+
+
+# What belongs to a run alone: where it starts, its samples, and how long one tries.
+_OWN = frozenset({"start", "points", "max_events", "max_steps"})
 
 
 class PhasePortrait(View):
@@ -213,153 +283,51 @@ class PhasePortrait(View):
 
     def __init__(
         self,
-        system: System,
-        x: str | None,
-        y: str | None,
-        starts: Starts,
+        axes: Axes,
+        beside: Beside,
+        kinds: set[type[Layer]],
         run: Run | None,
-        horizon: float | None,
-        axes: Axes | None,
-        limits: Limits | None,
-        mode: str | None,
-        t: float,
-        at: Mapping[str, float] | None,
-        wanted: Sequence[bool],
+        runs: Runs | None,
+        starts: dict[str, np.ndarray] | None,
+        fixed: bool,
         title: str | None,
-        width: float,
-        height: float,
-        parameters: Mapping[str, float],
     ):
-        from ..solve import simulate, simulate_many
-
-        self._simulate_many = simulate_many
-        self.options = {key: value for key, value in parameters.items() if key in OPTIONS}
-        changed = {key: value for key, value in parameters.items() if key not in OPTIONS}
-        self.system = system
-        p = run.p if run is not None and not changed else system.values(changed)
-        self.plane = plane = Plane(system, x, y, mode=mode, t=t, at=at, p=p)
-        if run is not None:
-            plane.hold(run.start)
-        many = self._many(starts)
-        self.horizon = (
-            horizon
-            if horizon is not None
-            else float(run.t[-1] - run.t[0])
-            if run is not None
-            else None
-        )
-        if self.horizon is None and (many or limits is None):
-            raise ModelError(
-                "phase_portrait needs horizon=, the end time of the trajectories (or a run)"
-            )
-        self.starts: dict[str, np.ndarray] | None = None if isinstance(many, int) else many
-        runs = self._trajectories() if self.starts else None
-        self._fixed = limits is not None
-        if limits is None:
-            shown = [r for r in (run, runs) if r is not None]
-            limits = _around(
-                shown
-                or [simulate(system, t + self.horizon, t0=t, **self.options, **plane.p._asdict())],
-                plane,
-            )
-        self.axes = stage(plane, axes, limits, width, height)
-        self.figure = self.axes.get_figure()
-        self.shows = [Shows(self.axes, plane.x, (plane.y,))]
+        self.axes, self.figure, self.beside, self.starts = axes, axes.get_figure(), beside, starts
+        self.plane, self._fixed = beside.plane, fixed
+        self.title = self.plane.system.name if title is None else title
+        self.shows = [Shows(axes, self.plane.x, (self.plane.y,))]
         self._windows = [
             Window(self.axes, which, *pair, margin=0)
-            for which, pair in zip("xy", limits, strict=True)
+            for which, pair in zip("xy", self._limits(), strict=True)
         ]
-        if isinstance(many, int) and many:
-            self.starts = self._spread(many, limits)
-            runs = self._trajectories() if self.starts else None
-        self.layers = self._build(wanted, runs, run)
+        self.layers = self._build(kinds, runs, run)
         self.artists = [
             artist
             for part in sorted(self.layers, key=lambda part: part.artists[0].get_zorder())
             for artist in part.artists
         ]
         self._seen = self._state()
-        self._write(title)
+        self._name_guards()
+        self._write()
 
-    def _many(self, starts: Starts) -> int | dict[str, np.ndarray]:
-        if isinstance(starts, int | np.integer):
-            if not 0 <= starts <= 2000:
-                raise ModelError(f"starts = {starts}: give a number of trajectories from 0 to 2000")
-            return int(starts)
-        if isinstance(starts, Mapping):
-            if missing := [name for name in (self.plane.x, self.plane.y) if name not in starts]:
-                raise ModelError(
-                    f"starts gives no values for {listed(missing)}; for example "
-                    f"starts={{'{self.plane.x}': [0, 1], '{self.plane.y}': [0, 0]}}"
-                )
-            table = dict(
-                zip(
-                    starts,
-                    map(
-                        np.array,
-                        np.broadcast_arrays(
-                            *(np.atleast_1d(np.asarray(v, dtype=float)) for v in starts.values())
-                        ),
-                    ),
-                    strict=True,
-                )
-            )
-        else:
-            points = np.atleast_2d(np.asarray(starts, dtype=float))
-            if points.ndim != 2 or points.shape[1] != 2:
-                raise ModelError(
-                    "starts must be a number, a mapping of arrays or an array of shape (n, 2), "
-                    f"not of shape {points.shape}"
-                )
-            table = {self.plane.x: points[:, 0], self.plane.y: points[:, 1]}
-        return table
+    def _name_guards(self) -> None:
+        for part in self.layers:
+            if isinstance(part, GuardLines):
+                part.name(self.layers)
 
-    def _spread(self, count: int, limits: Limits) -> dict[str, np.ndarray] | None:
-        """Two thirds of the starts along the edge of the picture, one third half as far out."""
-        outer = count - count // 3
-        along = (
-            np.concatenate(
-                [
-                    np.arange(outer) / outer + 0.5 / outer,
-                    (np.arange(count // 3) + 0.25) / max(count // 3, 1),
-                ]
-            )
-            * 4
-        )
-        size = np.concatenate([np.full(outer, 0.97), np.full(count // 3, 0.5)])
-        side, along = along.astype(int) % 4, 2 * (along % 1) - 1
-        a = size * np.choose(side, [along, 1, -along, -1])
-        b = size * np.choose(side, [-1, along, 1, -along])
-        (x0, x1), (y0, y1) = limits
-        x, y = (x0 + x1) / 2 + a * (x1 - x0) / 2, (y0 + y1) / 2 + b * (y1 - y0) / 2
-        fits = (
-            self.plane.governing(x, y) >= 0
-        )  # elsewhere, as under the floor, `simulate` would refuse to start
-        return {self.plane.x: x[fits], self.plane.y: y[fits]} if fits.any() else None
+    @property
+    def system(self) -> System:
+        return self.plane.system
 
-    def _trajectories(self) -> Runs:
-        assert self.starts is not None and self.horizon is not None
-        mode = (
-            {}
-            if callable(self.system.mode) or self.plane.chosen in (None, self.system.mode)
-            else {"mode": self.plane.chosen}
-        )
-        options = {"points": 300, **mode, **self.options}
-        return self._simulate_many(
-            self.system,
-            self.plane.t + self.horizon,
-            t0=self.plane.t,
-            start={**{name: self.plane.values[name] for name in self.system.held}, **self.starts},
-            **options,
-            **self.plane.p._asdict(),
-        )
-
-    def _build(self, wanted: Sequence[bool], runs: Runs | None, run: Run | None) -> list[Layer]:
+    def _build(self, kinds: set[type[Layer]], runs: Runs | None, run: Run | None) -> list[Layer]:
         plane, axes, limits = self.plane, self.axes, self._limits()
-        field, lines, points, guards = wanted
+        field, lines, points, guards = (
+            kind in kinds for kind in (DirectionField, Nullclines, Equilibria, GuardLines)
+        )
         self.notes: list[str] = []
+        self._noted = False
         timed, flat = (
-            plane.depends_on_time(limits, self.horizon or 10.0),
+            plane.depends_on_time(limits, (self.beside.t_end or plane.t + 10.0) - plane.t),
             all(map(plane.is_plane, plane.modes)),
         )
         shown = (["arrows"] if field else []) + (["lines"] if lines or guards else [])
@@ -367,7 +335,9 @@ class PhasePortrait(View):
         if timed and (field or without):
             self.notes.append(
                 "flow depends on time: "
-                + ", ".join(filter(None, [f"arrows at t = {plane.t:g}" if field else "", without]))
+                + ", ".join(
+                    filter(None, [f"arrows at t = {said(plane.t)}" if field else "", without])
+                )
             )
         elif not flat and (field or without):
             self.notes.append(
@@ -407,20 +377,21 @@ class PhasePortrait(View):
             layers.append(Trajectories(axes, plane, runs))
         if run is not None:
             layers.append(Trajectories(axes, plane, run, bold=True))
+        if flat and not timed and Separatrices in kinds:
+            layers.append(Separatrices(axes, plane))
         if points and flat and not timed:
             layers.append(Equilibria(axes, plane))
         return layers
 
-    def _write(self, title: str | None) -> None:
-        entries = list(
-            {
-                text: (artist, text) for part in self.layers for artist, text in part.legend()
-            }.values()
-        )
+    def _write(self) -> None:
+        entries = self._entries()
+        self._named = list(entries)
+        pairs = [(artist, text) for text, artist in entries.items()]
         narrow = self.axes.get_position().width * self.figure.get_figwidth() < 4.5
-        head(self.axes, self.system.name if title is None else title, entries if narrow else [])
+        head(self.axes, self.title, pairs if narrow else [])
         with style():
-            if self.notes:
+            if self.notes and not self._noted:
+                self._noted = True
                 self.axes.annotate(
                     "\n".join(self.notes),
                     (0.0, 0.0),
@@ -431,10 +402,17 @@ class PhasePortrait(View):
                     color=FAINT,
                     va="top",
                 )
-            if entries and not narrow:  # beside the picture: never over a curve
-                self.axes.legend(
-                    *zip(*entries, strict=True), loc="upper left", bbox_to_anchor=(1.0, 1.0)
-                )
+            if not narrow:  # beside the picture: never over a curve
+                if legend := self.axes.get_legend():
+                    legend.remove()
+                if pairs:
+                    self.axes.legend(
+                        *zip(*pairs, strict=True), loc="upper left", bbox_to_anchor=(1.0, 1.0)
+                    )
+
+    def _entries(self) -> dict[str, Artist]:
+        """Name -> sample of what the layers show; of a name that two of them have, the last."""
+        return {text: artist for part in self.layers for artist, text in part.legend()}
 
     @property
     def equilibria(self) -> list[tuple[float, float, str, str]]:
@@ -470,10 +448,9 @@ class PhasePortrait(View):
                 f"this picture was made for {self.system.name!r}, update got a run of "
                 f"{first.system.name!r}"
             )
-        before, now = self.plane.key, one if one is not None else many[0]
-        self.plane.p = now.p
-        self.plane.hold(now.start)
-        changed = self.plane.key != before
+        before, now = self.beside.key, one if one is not None else many[0]
+        self.plane.follow(now)
+        self.beside.follow(now)
         bold = [
             part
             for part in self.layers
@@ -491,8 +468,8 @@ class PhasePortrait(View):
                 for window, name in zip(self._windows, (self.plane.x, self.plane.y), strict=True)
             ]
             self.relimited = any(moved)
-        if many is None and thin and changed and self.starts is not None:
-            many = self._trajectories()
+        if many is None and thin and self.starts is not None and self.beside.key != before:
+            many = self.beside.runs(self.starts)
         for part, new in [(part, one) for part in bold] + [(part, many) for part in thin]:
             if new is not None:
                 part.set(new)
@@ -500,7 +477,69 @@ class PhasePortrait(View):
             for part in self.layers:
                 if not isinstance(part, Trajectories):
                     part.redo()
+            self._name_guards()
         self._seen = self._state()
+        if list(self._entries()) != self._named:
+            self._write()
+            self.relimited = True
+
+
+def _starts(starts: Starts, plane: Plane) -> int | dict[str, np.ndarray]:
+    if isinstance(starts, int | np.integer):
+        if not 0 <= starts <= 2000:
+            raise ModelError(f"starts = {starts}: give a number of trajectories from 0 to 2000")
+        return int(starts)
+    if isinstance(starts, Mapping):
+        if missing := [name for name in (plane.x, plane.y) if name not in starts]:
+            raise ModelError(
+                f"starts gives no values for {listed(missing)}; for example "
+                f"starts={{'{plane.x}': [0, 1], '{plane.y}': [0, 0]}}"
+            )
+        table = dict(
+            zip(
+                starts,
+                map(
+                    np.array,
+                    np.broadcast_arrays(
+                        *(np.atleast_1d(np.asarray(v, dtype=float)) for v in starts.values())
+                    ),
+                ),
+                strict=True,
+            )
+        )
+    else:
+        points = np.atleast_2d(np.asarray(starts, dtype=float))
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise ModelError(
+                "starts must be a number, a mapping of arrays or an array of shape (n, 2), "
+                f"not of shape {points.shape}"
+            )
+        table = {plane.x: points[:, 0], plane.y: points[:, 1]}
+    return table
+
+
+def _spread(count: int, limits: Limits, plane: Plane) -> dict[str, np.ndarray] | None:
+    """Two thirds of the starts along the edge of the picture, one third half as far out."""
+    outer = count - count // 3
+    along = (
+        np.concatenate(
+            [
+                np.arange(outer) / outer + 0.5 / outer,
+                (np.arange(count // 3) + 0.25) / max(count // 3, 1),
+            ]
+        )
+        * 4
+    )
+    size = np.concatenate([np.full(outer, 0.97), np.full(count // 3, 0.5)])
+    side, along = along.astype(int) % 4, 2 * (along % 1) - 1
+    a = size * np.choose(side, [along, 1, -along, -1])
+    b = size * np.choose(side, [-1, along, 1, -along])
+    (x0, x1), (y0, y1) = limits
+    x, y = (x0 + x1) / 2 + a * (x1 - x0) / 2, (y0 + y1) / 2 + b * (y1 - y0) / 2
+    fits = (
+        plane.governing(x, y) >= 0
+    )  # elsewhere, as under the floor, `simulate` would refuse to start
+    return {plane.x: x[fits], plane.y: y[fits]} if fits.any() else None
 
 
 def _around(runs: Sequence[Run | Runs], plane: Plane) -> Limits:

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from types import BuiltinFunctionType, FunctionType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 from contourpy import contour_generator
@@ -16,8 +17,9 @@ from contourpy import contour_generator
 from ..linear import classify
 from ..model import ModelError, System, Transition, listed
 from ..rebind import rebound
+from ..run import Run
 
-__all__ = ["Plane", "contour", "find_equilibria"]
+__all__ = ["Plane", "contour", "find_equilibria", "separatrices"]
 
 Limits = tuple[tuple[float, float], tuple[float, float]]
 GRID = 49  # points along each side for nullclines, guard lines and the search for equilibria
@@ -82,7 +84,7 @@ class Plane:
         self._followed = [name for name in system.held if name not in (at or {})]
         self.p = system.values() if p is None else p
         self._templates: dict[str, tuple[list, int, int]] = {}
-        self._kept: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
+        self._kept: dict[tuple, Any] = {}  # rates on grids, equilibria
         self._wide: dict[Callable, Callable] = {}
         self._tried: Counter[Callable] = Counter()  # how often it gave the same as one by one
 
@@ -91,10 +93,19 @@ class Plane:
         self.values |= {name: values[name] for name in self._followed}
         self._templates.clear()
 
+    def follow(self, run: Run) -> None:
+        """plane.follow(run): its parameters, held variables and, of a variant, its functions."""
+        if run.system is not self.system:
+            self.system = run.system
+            self._kept.clear()
+        self.p = run.p
+        self.hold(run.start)
+
     @property
     def key(self) -> tuple:
-        """What a picture of this plane depends on beside its limits: parameters, held variables."""
-        return tuple(self.p), tuple(self.values[name] for name in self.system.held)
+        """What a picture of this plane depends on beside its limits: model, parameters, held."""
+        held = tuple(self.values[name] for name in self.system.held)
+        return id(self.system), tuple(self.p), held
 
     def is_plane(self, mode: str) -> bool:
         """True when the mode has no states beside the two: its equilibria lie in the plane."""
@@ -246,6 +257,10 @@ class Plane:
                     found[(found == i) & beyond] = -1
         return found.reshape(np.shape(X))
 
+    def stands_still(self, mode: str, limits: Limits) -> bool:
+        """plane.stands_still("rest", limits) -> whether no point of the picture moves in a mode."""
+        return not any(np.any(rate != 0) for rate in self.flow_on_grid(mode, limits, 5))
+
     def depends_on_time(self, limits: Limits, horizon: float = 10.0) -> bool:
         """True when a flow shown takes other values at other instants.
 
@@ -370,6 +385,9 @@ def find_equilibria(
     line of them are none. The Jacobian comes from five-point differences (error about 1e-12 of the
     rates), `tolerance` goes to `classify`.
     """
+    kept = ("equilibria", limits, plane.key, plane.t, tolerance)
+    if kept in plane._kept:
+        return plane._kept[kept]
     (x0, x1), (y0, y1) = limits
     size = np.array([x1 - x0, y1 - y0])
     found: list[tuple[float, float, str, str]] = []
@@ -424,7 +442,77 @@ def find_equilibria(
                     kind,
                 )
             )
-    return sorted(found)
+    plane._kept[kept] = sorted(found)
+    return plane._kept[kept]
+
+
+def separatrices(
+    plane: Plane, limits: Limits, step: float = 0.02, reach: float = 3.0
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """separatrices(plane, limits) -> curves into the saddles, curves out of them; each (n, 2).
+
+    From each saddle of find_equilibria, an eigenvector of the Jacobian to both sides, forwards in
+    time along the growing one and backwards along the dying one; four curves a saddle. They go
+    through the modes as the picture shows them and end where no mode holds, at a rest, or after
+    `reach` widths of the picture. Runge and Kutta's method of order 4 by the length of the curve
+    in units of the picture, so that a saddle's slowness costs no steps.
+    """
+    (x0, x1), (y0, y1) = limits
+    size, corner = np.array([x1 - x0, y1 - y0]), np.array([x0, y0])
+    begin, signs = [], []
+    for x, y, mode, kind in find_equilibria(plane, limits):
+        if not kind.startswith("saddle"):
+            continue
+        u = (np.array([x, y]) - corner) / size
+
+        def rates(u: np.ndarray, mode: str = mode) -> np.ndarray:
+            there = corner[0] + u[..., 0] * size[0], corner[1] + u[..., 1] * size[1]
+            return np.stack(plane.flow(mode, *there), axis=-1) / size
+
+        values, vectors = np.linalg.eig(_jacobian(rates, u[None], 1e-3)[1][0])
+        if np.iscomplexobj(values):
+            continue
+        for value, way in zip(values, vectors.T, strict=True):
+            begin += [u + 1e-3 * way, u - 1e-3 * way]
+            signs += [np.sign(value)] * 2
+    if not begin:
+        return [], []
+    u, sign = np.array(begin), np.array(signs)[:, None]
+    saddles = u[::2] / 2 + u[1::2] / 2
+    path, live = [u], np.ones(len(u), dtype=bool)
+
+    def ways(v: np.ndarray, index: np.ndarray, sign: np.ndarray) -> np.ndarray:
+        rates = np.full_like(v, np.nan)
+        x, y = (corner + v * size).T
+        for i, mode in enumerate(plane.modes):
+            if (here := index == i).any():
+                rates[here] = np.column_stack(plane.flow(mode, x[here], y[here])) / size
+        with np.errstate(all="ignore"):
+            return sign * rates / np.hypot(*rates.T)[:, None]
+
+    for _ in range(int(reach / step)):
+        u, h = path[-1].copy(), np.zeros((live.sum(), 1)) + step
+        v, s = u[live], sign[live]
+        index = plane.governing(*(corner + v * size).T)
+        a = ways(v, index, s)
+        b = ways(v + h / 2 * a, index, s)
+        c = ways(v + h / 2 * b, index, s)
+        d = ways(v + h * c, index, s)
+        new = v + h / 6 * (a + 2 * b + 2 * c + d)
+        # No mode, no value; a rest, where the way turns round; far outside
+        ends = ~np.isfinite(new).all(axis=1) | ((a * d).sum(axis=1) < 0) | (index < 0)
+        new[ends] = np.nan
+        u[~live], u[live] = np.nan, new
+        path.append(u)
+        live[live] = ~ends & (np.abs(new - 0.5) < 1.0).all(axis=1)
+        if not live.any():
+            break
+    curves = corner + np.stack(path, axis=1) * size
+    begun = corner + np.repeat(saddles, 2, axis=0) * size
+    curves = np.concatenate([begun[:, None], curves], axis=1)
+    kept = [curve[np.isfinite(curve).all(axis=1)] for curve in curves]
+    into = [curve for curve, way in zip(kept, sign[:, 0], strict=True) if way < 0]
+    return into, [curve for curve, way in zip(kept, sign[:, 0], strict=True) if way > 0]
 
 
 def _jacobian(

@@ -8,24 +8,25 @@ The model's own motion is drawn on both sides: s(t) as it was simulated, and z(t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
+from matplotlib.patches import Patch, Polygon
 
 from ..linear import affine, borders, eigenlines, equilibrium, exact
-from ..model import ModelError
+from ..model import ModelError, unambiguous
 from ..run import Run
+from ..show import split_name
 from ..similarity import Similarity
-from .figure import COLORS, INK, figure, head, style, symbol, tint
-from .view import View
+from .figure import COLORS, FAINT, INK, figure, head, label, style, tint
+from .view import Shows, View
 
 __all__ = ["Planes", "arrow_heads", "flow_lines", "planes"]
 
 Parts = Callable[[tuple], tuple[np.ndarray, Similarity]]
-#: a letter F, since no turn makes it its mirror image; for a picture that reaches from −6 to 6
+#: a letter F, since no turn makes it its mirror image; for a picture that reaches from −8 to 8
 FLAG = (
     np.array(
         [
@@ -45,24 +46,30 @@ FLAG = (
 )
 
 
+@unambiguous
 def planes(
     run: Run,
     parts: Parts,
     reach: float | tuple[float, float] = 4.0,
     axes: tuple[Axes, Axes] | None = None,
+    allowed: Mapping[str, tuple[float | None, float | None]] | None = None,
     width: float = 9.5,
     height: float = 4.9,
 ) -> Planes:
     """planes(run, parts) -> Planes: the canonical z-plane, and its image under S in the s-plane.
 
-    Trajectories, a lattice, a letter F and the eigenvectors.
-    run     of a linear model; drawn bold in both planes
-    parts   parts(run.p) -> Λ, (S, S⁻¹) with A = S Λ S⁻¹
-    reach   half the width of the pictures, in both planes or (z, s); the s-plane follows the
-            equilibrium
-    Raises ModelError when S Λ S⁻¹ is not the matrix that the model itself has.
+    Trajectories, a lattice, a letter F and the eigenvectors. The F shows what S does to shapes: no
+    turn makes an F its mirror image. In a panel the start can be dragged in the s-plane.
+    run      of a linear model; drawn bold in both planes
+    parts    parts(run.p) -> Λ, (S, S⁻¹) with A = S Λ S⁻¹
+    reach    half the width of the pictures, in both planes or (z, s); the s-plane follows the
+             equilibrium
+    allowed  {"s1": (0, None)}: what lies beyond these values is shaded, the model does not hold
+             there; None is no limit
+    Raises ModelError when S Λ S⁻¹ is not the matrix that the model itself has, and for a name in
+    `allowed` that is no state.
     """
-    return Planes(run, parts, reach, axes, width, height)
+    return Planes(run, parts, reach, axes, allowed or {}, width, height)
 
 
 class Planes(View):
@@ -77,6 +84,7 @@ class Planes(View):
         parts: Parts,
         reach: float | tuple[float, float],
         axes: tuple[Axes, Axes] | None,
+        allowed: Mapping[str, tuple[float | None, float | None]],
         width: float,
         height: float,
     ):
@@ -90,21 +98,45 @@ class Planes(View):
         self.artists = [artist for side in self._sides for artist in side.artists]
         self._center: np.ndarray | None = None
         first, second = self.system.states
+        self.shows = [Shows(self.axes[1], first, (second,))]
         Lambda = self.parts(run.p)[0]
         single = eigenlines(Lambda) and not _star(Lambda)
+        shaded = self._shade(allowed)
+        entries = [(self._sides[1].run, "simulated")]
+        entries += [(shaded, "forbidden")] if shaded else []
         with style():
             head(
                 self.axes[0],
                 "z-plane: canonical",
                 [(self._sides[0].eigen, "eigenvectors")] if single else [],
             )
-            head(self.axes[1], "s-plane: through S", [(self._sides[1].run, "simulated")])
-            self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
-            self.axes[1].set(xlabel=symbol(first), ylabel=symbol(second))
+            letter = split_name(first)[0]
+            letter = f"${letter}$" if letter.startswith("\\") else letter
+            # beside two entries there is no room for more words
+            head(self.axes[1], f"{letter}-plane" + ("" if shaded else ": after S"), entries)
+            units = {self.system.unit(name) for name in (first, second)}
+            of_z = f" [{units.pop()}]" if len(units) == 1 and units != {""} else ""
+            self.axes[0].set(xlabel=f"$z_1${of_z}", ylabel=f"$z_2${of_z}")
+            self.axes[1].set(xlabel=label(self.system, first), ylabel=label(self.system, second))
         for ax in self.axes:
             ax.set_aspect("equal", adjustable="box")
             ax.grid(False)
         self.update(run)
+
+    def _shade(self, allowed: Mapping[str, tuple[float | None, float | None]]) -> Patch | None:
+        """Bands over what the model forbids, in the s-plane; the last of them, for the legend."""
+        band = None
+        for name, ends in allowed.items():
+            if name not in self.system.states:
+                raise ModelError(
+                    f"allowed names {name!r}, which is no state of {self.system.name!r}"
+                )
+            across = list(self.system.states).index(name)
+            draw = (self.axes[1].axvspan, self.axes[1].axhspan)[across]
+            for end, far in zip(ends, (-1e4, 1e4), strict=True):
+                if end is not None:
+                    band = draw(end, end + far, color=tint(FAINT, 0.3), linewidth=0, zorder=0.5)
+        return band
 
     def update(self, run: Run) -> None:
         A, b = affine(run.system, run.p, run.start)
@@ -126,13 +158,14 @@ class Planes(View):
         ):
             side.set(
                 T,
+                self._flag(S),
                 origin,
                 np.asarray(Lambda, dtype=float),
                 curves,
                 arrows,
                 path,
                 reach,
-                self.reach[0] / 6,
+                self.reach[0] / 8,
             )
         half = self.reach[1] / 2
         self.relimited = self._center is None or bool(
@@ -145,6 +178,14 @@ class Planes(View):
             ):
                 ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
 
+    def _flag(self, S: np.ndarray) -> float:
+        """How large the F is in the z-plane.
+
+        Its image reaches over two thirds of a half at most.
+        """
+        far = np.hypot(*(FLAG @ np.asarray(S, dtype=float).T).T).max()
+        return min(self.reach[0] / 8, 0.67 * self.reach[1] / far)
+
 
 class _Side:
     """One plane: what is drawn in it, and how it follows a transformation s = T z + origin."""
@@ -153,10 +194,16 @@ class _Side:
         def line(**look: object) -> Line2D:
             return ax.add_line(Line2D([], [], **look))  # type: ignore[arg-type]
 
-        self.lattice = line(color=tint(COLORS[5], 0.45), linewidth=0.7, zorder=1)
+        self.lattice = line(color=tint(COLORS[5], 0.75), linewidth=0.8, zorder=1)
         self.flag = ax.add_patch(
             Polygon(
-                FLAG, closed=True, facecolor=tint(COLORS[4], 0.55), edgecolor="none", zorder=1.2
+                FLAG,
+                closed=True,
+                facecolor=tint(COLORS[4], 0.6),
+                edgecolor=tint("#8A5F00", 0.9),
+                linewidth=1.2,
+                joinstyle="round",
+                zorder=2.15,
             )
         )
         self.curves = line(color=COLORS[0], linewidth=1.0, zorder=2)
@@ -187,6 +234,7 @@ class _Side:
     def set(
         self,
         T: np.ndarray,
+        flag: float,
         origin: np.ndarray,
         Lambda: np.ndarray,
         curves: np.ndarray,
@@ -198,8 +246,8 @@ class _Side:
         def show(line: Line2D, points: np.ndarray) -> None:
             line.set_data(*(points @ T.T + origin).T)
 
-        show(self.lattice, _lattice(2.0 ** np.round(np.log2(6 * unit / 4))))
-        self.flag.set_xy(unit * FLAG @ T.T + origin)
+        show(self.lattice, _lattice(2.0 ** np.round(np.log2(2 * unit))))
+        self.flag.set_xy(flag * FLAG @ T.T + origin)
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
         self.arrows.set_data(*(arrow_heads(at, way, 0.05 * reach) + origin).T)

@@ -1,8 +1,11 @@
-"""What all pictures share: the protocol view.figure / view.update / view.artists, and limits that follow the data calmly."""
+"""What all pictures share.
+
+The protocol view.figure / view.update / view.artists, and limits that follow the data calmly.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,31 +13,71 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
+from ..model import ModelError
 from .figure import Figure
 
-__all__ = ["Shows", "Together", "View", "Window"]
+__all__ = ["Only", "Shows", "Together", "View", "Window"]
 
 
 @dataclass(frozen=True)
 class Shows:
-    """Shows(axes, "t", ("x", "v")): the quantity to the right, "t" or a state, and those upwards, states or outputs."""
+    """Shows(axes, "t", ("x", "v")): the quantity to the right, "t" or a state, and those upwards.
+
+    These are states or outputs, or names of curves that data(run, name) gives as (x, y).
+    """
 
     axes: Axes
     x: str
     names: tuple[str, ...]
+    data: Callable[[Any, str], tuple[np.ndarray, np.ndarray]] | None = None
 
     @property
     def plane(self) -> bool:
         return self.x != "t"
 
+    def curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """show.curve(run, "x") -> the curve of that name, to the right and upwards.
+
+        Of several runs by name, one after the other, NaN between them.
+        """
+        if self.data is not None:
+            return self.data(run, name)
+        if isinstance(run, Mapping):
+            pairs = [self.curve(one, name) for one in run.values() if self._has(one, name)]
+            gap = np.full(1, np.nan)
+            x, y = ([part for pair in pairs for part in (pair[k], gap)] for k in (0, 1))
+            return (np.concatenate(x), np.concatenate(y)) if pairs else (gap, gap)
+        return (run.t if self.x == "t" else run[self.x]), run[name]
+
+    def _has(self, run: Any, *names: str) -> bool:
+        known = {"t", *run.system.units, *run.system.outputs}
+        return {self.x, *names} <= known
+
+    def points(self, run: Any, t: float) -> list[tuple[float, float]]:
+        """show.points(run, t) -> where its curves are at the instant t."""
+        if self.data is not None:
+            made = (self.data(run, name) for name in self.names)
+            return [(t, float(np.interp(t, x, y))) for x, y in made if len(x)]
+        if isinstance(run, Mapping):
+            live = [one for one in run.values() if one.t[0] <= t <= one.t[-1] and self._has(one)]
+            return [point for one in live for point in self.points(one, t)]
+        values = {"t": t, **run.at(t)}
+        names = [name for name in self.names if name in values and self.x in values]
+        return [(values[self.x], values[name]) for name in names]
+
 
 class View:
-    """A picture that can show another run without being built anew; it shows itself as the last line of a cell.
+    """A picture that can show another run without being built anew.
+
+    It shows itself as the last line of a cell.
 
     view.figure         its Figure
-    view.update(run)    shows another run (or runs), by changing the data of the artists that are there
-    view.artists        the artists that update() changes, in drawing order; all others stay as they are
-    view.relimited      the last update() moved the limits or other still parts: the rest must be drawn again as well
+    view.update(run)    shows another run (or runs), by changing the data of the artists that are
+                        there
+    view.artists        the artists that update() changes, in drawing order; all others stay as they
+                        are
+    view.relimited      the last update() moved the limits or other still parts: the rest must be
+                        drawn again as well
     view.shows          what its axes show, as far as a cursor, a click or a held run can use it
     view.at(run, t)     shows an instant of a run (a mechanism in its place)
     """
@@ -63,10 +106,19 @@ class View:
 
 
 class Together(View):
-    """Together(view, view): several views that were drawn into one figure, as one view."""
+    """Together(view, view): several views that were drawn into one figure, as one view.
+
+    Raises ModelError when they were drawn into different figures.
+    """
 
     def __init__(self, *views: View):
         self.views, self.figure = views, views[0].figure
+        for k, view in enumerate(views):
+            if getattr(view, "figure", self.figure) is not self.figure:
+                raise ModelError(
+                    f"view {k + 1} of {len(views)}, {view!r:.60}, was drawn into another figure "
+                    "than the first: make fig = figure(…) once and give each view axes=fig.axes[k]"
+                )
 
     @property
     def artists(self) -> list[Artist]:  # type: ignore[override]
@@ -87,12 +139,29 @@ class Together(View):
                 view.at(run, t)
 
 
-class Window:
-    """Window(axes, "y", low, high): limits of one axis, with a margin (a share of the range) around the data's low … high.
+class Only(View):
+    """Only("plain", view): a view that is given several runs by name and shows one of them."""
 
-    `fit(low, high)` widens them when data leave (by `room`, a share too, so that a dragged slider does not move them at each
-    picture), and narrows them again, never below the first ones, when they would fill less than a half; without room (time), at once.
-    A user's own zoom is left alone, and all in a figure that is `steady`.
+    def __init__(self, name: str, view: View):
+        self.name, self.view, self.figure = name, view, view.figure
+        self.artists, self.shows = view.artists, ()
+
+    def update(self, run: Any) -> None:
+        self.view.update(run[self.name])
+        self.relimited = self.view.relimited
+
+    def at(self, run: Any, t: float) -> None:
+        self.view.at(run[self.name], t)
+
+
+class Window:
+    """Window(axes, "y", low, high): limits of one axis around the data's low … high.
+
+    `margin` is a share of the range. `fit(low, high)` widens them when data leave (by `room`, a
+    share too, so that a dragged slider does not move them at each picture), and narrows them again,
+    never below the first ones, when they would fill less than a half; without room (time), at once.
+    Shares of a logarithmic axis (`log`) are those of decades. A user's own zoom is left alone, and
+    all in a figure that is `steady`.
     """
 
     def __init__(
@@ -103,29 +172,47 @@ class Window:
         high: float,
         margin: float = 0.07,
         room: float = 0.2,
+        log: bool = False,
     ):
-        self.axes, self.which, self.room = axes, which, room
-        low, high = _proper(low, high)
+        self.axes, self.which, self.room, self.log = axes, which, room, log
+        low, high = self._proper(low, high)
         self.first = (low - margin * (high - low), high + margin * (high - low))
         self._set(*self.first)
 
+    def _proper(self, low: float, high: float) -> tuple[float, float]:
+        if not self.log:
+            return _proper(low, high)
+        if not (np.isfinite(low) and np.isfinite(high) and low > 0):
+            return -1.0, 1.0
+        low, high = np.log10((low, high))
+        return (low, high) if high - low > 0.1 else (low - 0.5, high + 0.5)
+
     def _set(self, low: float, high: float) -> None:
-        getattr(self.axes, f"set_{self.which}lim")(low, high)
+        limits = 10.0 ** np.array([low, high]) if self.log else (low, high)
+        getattr(self.axes, f"set_{self.which}lim")(*limits)
         self.now = self._shown()
 
     def _shown(self) -> tuple[float, float]:
-        return tuple(map(float, getattr(self.axes, f"get_{self.which}lim")()))  # type: ignore[return-value]
+        limits = getattr(self.axes, f"get_{self.which}lim")()
+        low, high = map(float, np.log10(limits) if self.log else limits)
+        return low, high
 
     def fit(self, low: float, high: float) -> bool:
-        """window.fit(low, high) -> True when the limits had to move. Values that are not finite are ignored."""
+        """window.fit(low, high) -> True when the limits had to move.
+
+        Values that are not finite are ignored.
+        """
         if self._shown() == self.first:  # brought home by a Reset: no zoom of the user
             self.now = self.first
         if (
             not (np.isfinite(low) and np.isfinite(high))
             or self._shown() != self.now
             or getattr(self.axes.get_figure(), "steady", False)
+            or (self.log and low <= 0)
         ):
             return False
+        if self.log:
+            low, high = map(float, np.log10((low, high)))
         room = self.room * max(high - low, self.first[1] - self.first[0])
         wanted = (
             min(low - room, self.first[0]) if low < self.first[0] else self.first[0],

@@ -1,0 +1,503 @@
+"""Static characteristics F(x): each stated once, as text, and everything else made from that.
+
+    relay = characteristic("relay with hysteresis")          # F = ±K, changes over at x = ±a
+    system = System(…, **relay.modes(law), outputs={"F": relay.output()})
+    relay.formula(); relay.picture(system); relay.describing(2.0, system.values())
+
+`law(t, s, p, F)` is the law of motion with the value F of the characteristic in it. `modes` makes
+of it one mode for each piece of the characteristic, with guards at the break points, so that every
+switch is an event and no right-hand side ever jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .formulas import FUNCTIONS, names_of, number_of, parsed, put, sympy_of, values_of
+from .model import ModelError, Output, System, listed
+from .switching import Builder, Law
+
+__all__ = ["Branch", "Characteristic", "characteristic", "from_points"]
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Branch(("-a", "a"), ("-K", "K*x/a", "K")): break points, and one more piece than these.
+
+    Both are formulas as text, in x and the names of parameters. Piece k holds up to edge k.
+    """
+
+    edges: tuple[str, ...]
+    pieces: tuple[str, ...]
+
+    @cached_property
+    def names(self) -> set[str]:
+        texts = (*self.edges, *self.pieces)
+        return {n for text in texts for n in names_of(text)} - {"x", *FUNCTIONS}
+
+    def region(self, place: int, x: str) -> str:
+        """region(1, "x") -> "-a < x < a": where piece 1 holds, in words."""
+        low = self.edges[place - 1] if place else ""
+        high = self.edges[place] if place < len(self.edges) else ""
+        if low and high:
+            return f"|{x}| < {high}" if low == f"-{high}" else f"{low} < {x} < {high}"
+        return f"{x} > {low}" if low else f"{x} < {high}" if high else f"any {x}"
+
+
+#: kind -> the Branch, or the one for x' > 0 and the one for x' < 0; the assignments of part 2
+#: that it belongs to are named.
+KINDS = {
+    "relay": (  # 1.a, 2.a
+        Branch(("0",), ("-K", "K")),
+    ),
+    "relay with hysteresis": (  # 1.b, the sample
+        Branch(("a",), ("-K", "K")),
+        Branch(("-a",), ("-K", "K")),
+    ),
+    "relay with dead zone": (  # 1.c, 2.c
+        Branch(("-a", "a"), ("-K", "0", "K")),
+    ),
+    "relay with dead zone and hysteresis": (  # 1.d
+        Branch(("-b*a", "a"), ("-K", "0", "K")),
+        Branch(("-a", "b*a"), ("-K", "0", "K")),
+    ),
+    "saturation": (  # 1.e, 2.b
+        Branch(("-a", "a"), ("-K", "K*x/a", "K")),
+    ),
+    "saturation with hysteresis": (  # 1.f
+        Branch(("d*a - a", "d*a + a"), ("-K", "K*(x - d*a)/a", "K")),
+        Branch(("-d*a - a", "-d*a + a"), ("-K", "K*(x + d*a)/a", "K")),
+    ),
+    "dead zone with saturation": (  # 1.g
+        Branch(("-a - b", "-a", "a", "a + b"), ("-K", "K*(x + a)/b", "0", "K*(x - a)/b", "K")),
+    ),
+    "dead zone with saturation and hysteresis": (  # 1.h
+        Branch(
+            ("d*a - a - b", "d*a - a", "d*a + a", "d*a + a + b"),
+            ("-K", "K*(x - d*a + a)/b", "0", "K*(x - d*a - a)/b", "K"),
+        ),
+        Branch(
+            ("-d*a - a - b", "-d*a - a", "-d*a + a", "-d*a + a + b"),
+            ("-K", "K*(x + d*a + a)/b", "0", "K*(x + d*a - a)/b", "K"),
+        ),
+    ),
+    "smooth relay": (  # 1.i
+        Branch((), ("2*K/pi*atan(alpha*x)",)),
+    ),
+    "smooth relay with dead zone": (  # 1.j
+        Branch((), ("K/pi*(atan(alpha*(x + a)) + atan(alpha*(x - a)))",)),
+    ),
+    "preload": (  # 2.d
+        Branch(("0",), ("p*x - c", "p*x + c")),
+    ),
+    "two springs": (  # 2.e
+        Branch(("L",), ("p1*x + c1", "p2*x + c2")),
+    ),
+    "clearance": (  # 2.f
+        Branch(("-L", "L"), ("p*x + c2", "0", "p*x + c1")),
+    ),
+}
+
+
+def characteristic(kind: str, *, memory: bool = False, **names: str | float) -> Characteristic:
+    """characteristic("saturation", K="p*L", a="L") -> Characteristic: one of KINDS.
+
+    names     for each name of the formula what stands for it in the system: another parameter, a
+              formula or a number. A name that is not given is a parameter of that name
+    memory    the output changes at the break points only and is kept at a turn (a real relay);
+              otherwise the sign of x' chooses the branch at once (the handbook's formula)
+
+    Raises ModelError for an unknown kind or name, and for memory where it has no meaning.
+    """
+    if kind not in KINDS:
+        raise ModelError(f"there is no characteristic {kind!r}; there are {listed(KINDS)}")
+    branches = KINDS[kind]
+    known = {name for branch in branches for name in branch.names}
+    if unknown := [name for name in names if name not in known]:
+        raise ModelError(f"{kind!r} has no {listed(unknown)}; it has {listed(sorted(known))}")
+    for name in names.values():
+        parsed(str(name))
+    made = [
+        Branch(*(tuple(put(text, names) for text in part) for part in (b.edges, b.pieces)))
+        for b in branches
+    ]
+    return Characteristic(kind, *made, memory=memory)
+
+
+Points = Sequence[Sequence[float]]
+
+
+def from_points(rising: Points, falling: Points | None = None, name: str = "") -> Characteristic:
+    """from_points([(-1, -1), (0, -1), (0, 1), (2, 1)]) -> Characteristic through break points.
+
+    rising    (x, F) from left to right, for x' > 0; falling the same for x' < 0, left out: the same
+              curve. Two points at one x are a jump. Beyond the first and the last F is constant
+
+    Raises ModelError, with the points, where x goes back, where three points stand at one x, where
+    the two curves do not meet at their ends or the rising one lies above the falling one.
+    """
+    curves = [_points(curve) for curve in ([rising] if falling is None else [rising, falling])]
+    if len(curves) == 2:
+        for end, word in ((0, "left"), (-1, "right")):
+            ends = [curve[end][1] for curve in curves]
+            if ends[0] != ends[1]:
+                raise ModelError(
+                    f"the branches do not meet on the {word}: F = {ends[0]:g} for x' > 0 and "
+                    f"{ends[1]:g} for x' < 0; the {'first' if end == 0 else 'last'} points "
+                    "must have the same F"
+                )
+    made = Characteristic(name or "curve through points", *map(_through, curves))
+    made.check({})
+    return made
+
+
+def _points(curve: Points) -> list[tuple[float, float]]:
+    try:
+        points = [(float(x), float(F)) for x, F in curve]
+    except (TypeError, ValueError):
+        raise ModelError(f"points are pairs of numbers (x, F), not {curve!r:.80}") from None
+    if len(points) < 2 or not np.all(np.isfinite(points)):
+        raise ModelError(f"a curve needs two points or more, all finite, not {points}")
+    for one, two in zip(points, points[1:], strict=False):
+        if two[0] < one[0]:
+            raise ModelError(
+                f"after ({one[0]:g}, {one[1]:g}) the curve goes back to ({two[0]:g}, {two[1]:g}):"
+                " F would not be a function of x; give the points from left to right"
+            )
+    for one, _, three in zip(points, points[1:], points[2:], strict=False):
+        if one[0] == three[0]:
+            raise ModelError(f"three points at x = {one[0]:g}: a jump has two, its ends")
+    return points
+
+
+def _through(points: list[tuple[float, float]]) -> Branch:
+    edges, pieces = [repr(points[0][0])], [repr(points[0][1])]
+    for (x0, F0), (x1, F1) in zip(points, points[1:], strict=False):
+        if x1 > x0:
+            slope = (F1 - F0) / (x1 - x0)
+            pieces.append(repr(F0) if slope == 0 else f"{F0!r} + {slope!r}*(x - {x0!r})")
+            edges.append(repr(x1))
+    return Branch(tuple(edges), (*pieces, repr(points[-1][1])))
+
+
+class Characteristic:
+    """Characteristic("saturation", Branch(("-a", "a"), ("-K", "K*x/a", "K"))): F of x.
+
+    rising, falling   the Branch for x' > 0 and the one for x' < 0; without falling F is
+                      single-valued
+    memory            see `characteristic`
+
+    Methods take the parameters `p` as `system.values()` gives them, or as a dict.
+    """
+
+    def __init__(
+        self, name: str, rising: Branch, falling: Branch | None = None, *, memory: bool = False
+    ):
+        self.name, self.rising, self.memory = name, rising, memory
+        self.falling = falling or rising
+        self.hysteresis = falling is not None and falling != rising
+        for branch in {self.rising, self.falling}:
+            if len(branch.pieces) != len(branch.edges) + 1:
+                raise ModelError(
+                    f"{name!r}: {len(branch.edges)} break points need {len(branch.edges) + 1} "
+                    f"pieces, not {len(branch.pieces)}"
+                )
+            for text in (*branch.edges, *branch.pieces):
+                parsed(text)
+        if memory and not (self.hysteresis and self.rising.pieces == self.falling.pieces):
+            raise ModelError(
+                f"{name!r} cannot keep its output: its two branches must have the same pieces"
+            )
+
+    def __repr__(self) -> str:
+        return f"Characteristic({self.name!r}: {', '.join(sorted(self.parameters)) or 'numbers'})"
+
+    @property
+    def parameters(self) -> set[str]:
+        """Names of the parameters that the formulas read."""
+        return self.rising.names | self.falling.names
+
+    @property
+    def branches(self) -> list[tuple[int, Branch]]:
+        """[(sign of x', Branch)], one entry if F is single-valued."""
+        return [(1, self.rising), (-1, self.falling)][: 1 + self.hysteresis]
+
+    # -- the value ---------------------------------------------------------------------------------
+
+    def edges(self, p: object, way: int = 1) -> np.ndarray:
+        """edges(p) -> (k,) the break points for x' > 0 (way=1) or x' < 0 (way=-1)."""
+        branch = self.rising if way > 0 else self.falling
+        return np.array([float(number_of(text, p)) for text in branch.edges])
+
+    def __call__(self, x: object, p: object = (), v: object = 1.0) -> np.ndarray | float:
+        """relay(x, p, v=-1.0) -> F, an array if x or v is one; v = x' chooses the branch.
+
+        At a break point it is the piece that the motion enters. Raises ModelError as `check`.
+        """
+        self.check(p)
+        x, v = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(v, dtype=float))
+        up, down = (
+            self._on(branch, x, p, side)
+            for branch, side in ((self.rising, "right"), (self.falling, "left"))
+        )
+        found = np.where(v < 0, down, up)
+        return found if found.shape else float(found)
+
+    def _on(self, branch: Branch, x: np.ndarray, p: object, side: str) -> np.ndarray:
+        edges = np.array([float(number_of(text, p)) for text in branch.edges])
+        place = np.searchsorted(edges, x, side=side)
+        pieces = [np.broadcast_to(number_of(text, p, x), x.shape) for text in branch.pieces]
+        return np.choose(place, pieces) if len(pieces) < 32 else np.stack(pieces)[place]
+
+    def check(self, p: object) -> None:
+        """check(p): raises ModelError, naming the points, where they make no characteristic.
+
+        The break points must not go back. Of two branches the rising one (x' > 0) must not lie
+        above the falling one, and both must be the same far out on either side.
+        """
+        for way, branch in self.branches:
+            edges = self.edges(p, way)
+            if not np.all(np.isfinite(edges)):
+                raise ModelError(
+                    f"{self.name}: the break points {edges} are not all finite ({self._said(p)})"
+                )
+            for k in np.flatnonzero(np.diff(edges) < 0)[:1].tolist():
+                raise ModelError(
+                    f"{self.name}: the break points must rise, but {branch.edges[k]} = "
+                    f"{edges[k]:g} lies right of {branch.edges[k + 1]} = {edges[k + 1]:g}"
+                    f" ({self._said(p)})"
+                )
+        if not self.hysteresis:
+            return
+        edges = np.unique(np.concatenate([self.edges(p, 1), self.edges(p, -1)]))
+        gap = max(float(np.ptp(edges)), float(np.abs(edges).max()), 1e-300)
+        places = [edges[0] - gap, *((edges[1:] + edges[:-1]) / 2), edges[-1] + gap]
+        for side in (-1e-9, 1e-9):  # pieces are monotonic between break points
+            places += list(edges + side * gap)
+        x = np.sort(places)
+        up = self._on(self.rising, x, p, "right")
+        down = self._on(self.falling, x, p, "right")
+        size = 1e-12 * max(np.abs(up).max(), np.abs(down).max())
+        for k in np.flatnonzero(up > down + size)[:1].tolist():
+            raise ModelError(
+                f"{self.name}: the branches cross: at x = {x[k]:.6g} the one for x' > 0 has F = "
+                f"{up[k]:.6g}, above the {down[k]:.6g} of the one for x' < 0 ({self._said(p)})"
+            )
+        for k in (0, -1):
+            if abs(up[k] - down[k]) > size:
+                raise ModelError(
+                    f"{self.name}: the branches do not meet: at x = {x[k]:.6g} they have F = "
+                    f"{up[k]:.6g} and {down[k]:.6g} ({self._said(p)})"
+                )
+
+    def _said(self, p: object) -> str:
+        values = values_of(p)
+        return ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
+
+    # -- what theory makes of it -------------------------------------------------------------------
+
+    def potential(self, x: object, p: object = ()) -> np.ndarray | float:
+        """potential(x, p) -> ∫₀ˣ F dx, an array if x is one; from the pieces' antiderivatives.
+
+        Raises ModelError where F has two branches: then the work depends on the way.
+        """
+        if self.hysteresis:
+            raise ModelError(f"{self.name!r} has no potential: its work depends on the way")
+        import sympy as sp
+
+        self.check(p)
+        symbol = sp.Symbol("x", real=True)
+        values, edges = values_of(p), [-math.inf, *self.edges(p), math.inf]
+        x = np.asarray(x, dtype=float)
+        total = np.zeros(x.shape)
+        for text, low, high in zip(self.rising.pieces, edges, edges[1:], strict=False):
+            whole = sp.integrate(sympy_of(text, values | {"x": symbol}), symbol)
+            value = sp.lambdify(symbol, whole, "numpy")
+            ends = np.clip(0.0, low, high), np.clip(x, low, high)
+            total += value(ends[1]) - value(ends[0]) if low < high else 0.0
+        return total if total.shape else float(total)
+
+    def describing(self, amplitude: float, p: object = ()) -> complex:
+        """describing(A, p) -> N(A), the complex gain of the first harmonic for x = A sin θ.
+
+        N = (b + j a)/A with b = (1/π)∮F sin θ dθ and a = (1/π)∮F cos θ dθ, by Gauss's formula
+        between the break points: exact to rounding where F is linear in pieces. (Gelb and Vander
+        Velde, Multiple-Input Describing Functions, 1968.) Raises ModelError for A ≤ 0.
+        """
+        if not amplitude > 0:
+            raise ModelError(f"a describing function needs an amplitude > 0, not {amplitude!r}")
+        self.check(p)
+        nodes, weights = np.polynomial.legendre.leggauss(40)
+        total = 0j
+        for way in (1, -1):
+            branch = self.rising if way > 0 else self.falling
+            cuts = np.arcsin(np.clip(self.edges(p, way) / amplitude, -1, 1))
+            corners = np.concatenate([[-math.pi / 2], cuts, [math.pi / 2]])
+            # x' < 0: the same places again, θ runs on from π/2 to 3π/2
+            for low, high in zip(corners, corners[1:], strict=False):
+                steps = 1 + 7 * (not branch.edges)  # a smooth piece may bend sharply
+                ends = np.linspace(low, high, steps + 1)
+                for one, two in zip(ends, ends[1:], strict=False):
+                    angle = (one + two) / 2 + (two - one) / 2 * nodes
+                    F = self(amplitude * np.sin(angle), p, float(way))
+                    wave = np.sin(angle) + 1j * way * np.cos(angle)
+                    total += (two - one) / 2 * np.sum(weights * F * wave)
+        return complex(total) / (math.pi * amplitude)
+
+    # -- the hybrid system -------------------------------------------------------------------------
+
+    def modes(self, law: Law, states: tuple[str, ...] = ("x", "v")) -> dict[str, Any]:
+        """System(…, **relay.modes(law)): modes, transitions, first mode; exact switching.
+
+        law       law(t, s, p, F) -> the derivatives, in the order of `states`; F is a number there
+        states    names of the input of the characteristic, of its rate, and of any more states
+
+        One mode for each piece; of two branches "→ x < a" is the piece for x' > 0, "← x > -a" the
+        one for x' < 0. Guards are x − edge, labelled "up through a", "down through -a". Where F
+        jumps, the motion may come to rest on the jump, and with two branches at any turn: it rests
+        in a mode of its own as long as F between the two values holds it (the acceleration left of
+        the jump is positive, right of it negative; of x' > 0 not positive, of x' < 0 not negative).
+
+        A start that moves begins in the piece that it enters. A start at rest begins where its
+        acceleration leads; where both directions are possible, to the right (give `mode=` for the
+        other one); where neither is, at rest.
+        """
+        build = Builder(self, law, states)
+        made = build.with_memory() if self.memory else build.formula()
+        return {"modes": made[0], "transitions": made[1], "mode": made[2]}
+
+    def output(self, unit: str = "", meaning: str = "output of the characteristic", **law: Any):
+        """outputs={"F": relay.output("N", law=law)} -> Output: F along the run.
+
+        With law (and states, as for `modes`) F at rest is the value that holds the balance, else
+        the mean of the two values between which it lies.
+        """
+        build = Builder(self, law.get("law"), law.get("states", ("x", "v")))
+        return Output(build.outputs(), unit, meaning)
+
+    # -- pictures ----------------------------------------------------------------------------------
+
+    def curve(self, p: object, reach: float | None = None, way: int = 1) -> np.ndarray:
+        """curve(p, 2.0) -> (k, 2) points (x, F) over −reach … reach in the direction of the motion.
+
+        reach: left out, 1.6 times the farthest break point.
+        """
+        self.check(p)
+        every = np.abs(np.concatenate([self.edges(p, 1), self.edges(p, -1)]))
+        reach = reach or 1.6 * float(every.max(initial=0.0)) or 1.0
+        edges = [e for e in self.edges(p, way) if abs(e) < reach]
+        branch = self.rising if way > 0 else self.falling
+        corners = [-reach, *edges, reach]
+        points = []
+        for low, high in zip(corners, corners[1:], strict=False):
+            fine = 2 if branch.edges else 201
+            x = np.linspace(low, high, fine)
+            middle = np.full(1, (low + high) / 2)
+            place = int(np.searchsorted(self.edges(p, way), middle, side="right")[0])
+            F = np.broadcast_to(number_of(branch.pieces[place], p, x), x.shape)
+            points.append(np.column_stack([x, F]))
+        found = np.concatenate(points)
+        return found if way > 0 else found[::-1]
+
+    def symbol(self, p: object) -> np.ndarray:
+        """symbol(p) -> (k, 2) in the square −1 … 1, for `Sketch.characteristic`."""
+        found = np.concatenate([self.curve(p, way=way) for way, _ in self.branches])
+        return found / np.maximum(np.abs(found).max(axis=0), 1e-300)
+
+    def formula(self) -> Formula:
+        """formula() -> shows itself in a notebook: F in LaTeX, by pieces and branches."""
+        return Formula(self)
+
+    def picture(
+        self, p: object, reach: float | None = None, *, axes: Any = None, unit: str = ""
+    ) -> Any:
+        """picture(system) -> a figure: F over x; of a loop both branches, with arrows.
+
+        p: a System (its default values), its values, or a dict; axes: draw there, and return them.
+        """
+        from .draw import COLORS, figure
+
+        p = p.values() if isinstance(p, System) else p
+        fig = None if axes is not None else figure(width=6.4, height=3.0)
+        ax = axes if fig is None else fig.axes[0]
+        drawn = [(way, self.curve(p, reach, way)) for way, _ in self.branches]
+        if self.hysteresis:
+            ax.fill(*np.concatenate([points for _, points in drawn]).T, color="#EFEFEF", lw=0)
+        for way, points in drawn:
+            name = {1: r"$\dot x > 0$", -1: r"$\dot x < 0$"}[way] if self.hysteresis else ""
+            color = COLORS[0 if way > 0 else 1]
+            ax.plot(*points.T, color=color, lw=2, label=name or "_", ls="-" if way > 0 else "--")
+            if self.hysteresis:
+                _arrows(ax, points, color)
+        span = [np.abs(points[:, k]).max() for k in (0, 1) for _, points in drawn]
+        ax.set_ylim(*(1.25 * (max(span[len(drawn) :]) or 1.0) * np.array([-1, 1])))
+        ax.set(xlabel="$x$", ylabel=f"$F$ [{unit}]" if unit else "$F$")
+        ax.set_title(self.name, loc="left", fontsize=11)
+        if self.hysteresis:
+            ax.legend(loc="upper left", frameon=False)
+        return fig or ax
+
+
+def _arrows(ax: Any, points: np.ndarray, color: str) -> None:
+    size = np.abs(points).max(axis=0)
+    for one, two in zip(points, points[1:], strict=False):
+        if np.linalg.norm((two - one) / size) > 0.3:
+            middle = 0.55 * two + 0.45 * one
+            ax.annotate(
+                "",
+                middle + 0.01 * (two - one),
+                middle,
+                arrowprops={
+                    "arrowstyle": "-|>",
+                    "color": color,
+                    "mutation_scale": 16,
+                    "shrinkA": 0,
+                    "shrinkB": 0,
+                },
+            )
+
+
+class Formula:
+    """The formula of a characteristic, for a notebook: LaTeX, and plain text."""
+
+    def __init__(self, made: Characteristic):
+        self.made = made
+
+    def _repr_latex_(self) -> str:
+        import sympy as sp
+
+        from .show import latex_name
+
+        def tex(text: str) -> str:
+            names = {
+                name: sp.Symbol(name if name == "x" else latex_name(name))
+                for name in names_of(text)
+                if name not in FUNCTIONS
+            }
+            return sp.latex(sympy_of(text, names))
+
+        lines = []
+        for way, branch in self.made.branches:
+            when = rf",\ \dot x {'>' if way > 0 else '<'} 0" if self.made.hysteresis else ""
+            for k, piece in enumerate(branch.pieces):
+                low = f"{tex(branch.edges[k - 1])} < " if k else ""
+                high = f" < {tex(branch.edges[k])}" if k < len(branch.edges) else ""
+                where = f"{low}x{high}" if low or high else ""
+                lines.append(f"{tex(piece)}, & {where}{when}" if where or when else tex(piece))
+        rows = r" \\ ".join(lines)
+        body = rows if len(lines) == 1 else rf"\begin{{cases}}{rows}\end{{cases}}"
+        return f"$$F(x) = {body}$$"
+
+    def __repr__(self) -> str:
+        lines = []
+        for way, branch in self.made.branches:
+            for k, piece in enumerate(branch.pieces):
+                when = f", x' {'>' if way > 0 else '<'} 0" if self.made.hysteresis else ""
+                lines.append(f"F = {piece} for {branch.region(k, 'x')}{when}")
+        return "\n".join(lines)

@@ -1,0 +1,376 @@
+"""Any curves that follow a run: a live view from one function.
+
+curves(run, lambda run: {"simulated": (run.t, r(run)), "exact": (run.t, e(run))}, log="y")
+explore(system, horizon, lambda run: [time_plot(run, "x", axes=left), curves(right, what)])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
+from matplotlib.text import Text
+
+from ..model import ModelError, listed, unambiguous
+from ..run import Run
+from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, style, symbol
+from .private import closed, reshape
+from .ticks import over_time
+from .time import _sample, _segments
+from .view import Shows, View, Window, extent
+
+__all__ = ["Curves", "curves"]
+
+What = Callable[[Any], Mapping[str, object]]
+Span = tuple[float, float]
+
+
+@unambiguous
+def curves(
+    where: Run | Axes | Mapping[str, Run],
+    what: What,
+    *,
+    styles: Mapping[str, str | Mapping[str, object]] | None = None,
+    axes: Axes | None = None,
+    xlabel: str | None = None,
+    ylabel: str | None = None,
+    title: str = "",
+    legend: bool = True,
+    log: str = "",
+    xlim: Span | None = None,
+    ylim: Span | None = None,
+    equal: bool = False,
+    plane: tuple[str, str] | None = None,
+    width: float = 7.5,
+    height: float = 4.0,
+) -> Curves:
+    """curves(run, lambda run: {"simulated": (run.t, r(run))}) -> Curves, which follows a run.
+
+    where    a Run, drawn into a new figure or into axes=; or axes, which stay empty until
+             update(run): in the list that `explore` draws, that is at once
+    what     what(run) -> name -> what is drawn under that name. Numbers or arrays of one length:
+             (x, y)          a line, or markers
+             (x, low, high)  a shaded band; x may be None: all over the picture; ±inf: to its edge
+             (None, y)       horizontal lines;  (x, None)  vertical lines;  (x, None, None) a
+             vertical band for each pair of x
+             "words"         a text that changes
+             A name that begins with "_" is not in the legend. A curve that is left out is empty.
+    styles   name -> "o", "--", "C1-", Matplotlib's short form; "steps": constant until the next
+             point; "fill": the closed curve as an area; or a dict of properties of Line2D, patch
+             or text (of a text also x and y, in parts of the axes)
+    log      "x", "y" or "xy": logarithmic axes
+    xlim     (low, high); left out: as wide as the data need, moving calmly. ylim likewise
+    equal    one unit is as long upwards as to the right
+    plane    ("x", "v"): the axes are the plane of these states; a panel then has its cursor and
+             its clicks there. Axes over run.t have the time cursor without being told
+    xlabel   with the unit, "$r$ [m]"; left out, over run.t: the time
+
+    Raises ModelError when `what` gives something else, with the name of the curve.
+    """
+    run = None if isinstance(where, Axes) else where
+    if isinstance(where, Axes):
+        if axes is not None:
+            raise ModelError("curves got axes twice: give curves(run, what, axes=…)")
+        axes = where
+    elif axes is None:
+        axes = figure(width=width, height=height).axes[0]
+    return Curves(
+        axes,
+        what,
+        run,
+        styles or {},
+        xlabel,
+        ylabel,
+        title,
+        legend,
+        log,
+        (xlim, ylim),
+        equal,
+        plane,
+    )
+
+
+class Curves(View):
+    """The picture made by `curves`; view.axes is its axes, view.drawn name -> artist.
+
+    See View for update, artists and relimited.
+    """
+
+    def __init__(
+        self,
+        axes: Axes,
+        what: What,
+        run: Run | None,
+        styles: Mapping[str, str | Mapping[str, object]],
+        xlabel: str | None,
+        ylabel: str | None,
+        title: str,
+        legend: bool,
+        log: str,
+        limits: tuple[Span | None, Span | None],
+        equal: bool,
+        plane: tuple[str, str] | None,
+    ):
+        if not set(log) <= {"x", "y"}:
+            raise ModelError(f"log is 'x', 'y' or 'xy', not {log!r}")
+        self.axes, self.figure, self.what, self.styles = axes, axes.get_figure(), what, dict(styles)
+        self.log, self.title, self.legend, self.limits = log, title, legend, limits
+        self.drawn: dict[str, Artist] = {}
+        self._windows: list[Window | None] = []
+        self._named: list[str] = []
+        self._bands: dict[str, tuple | None] = {}
+        self._xlabel = xlabel
+        for which, given in zip("xy", limits, strict=True):
+            if given is not None and not (
+                len(given) == 2 and np.all(np.isfinite(given)) and given[0] < given[1]
+            ):
+                raise ModelError(f"{which}lim is (low, high) with low < high, not {given!r}")
+        with style():
+            if ylabel is not None:
+                axes.set_ylabel(ylabel)
+            if xlabel is not None:
+                axes.set_xlabel(xlabel)
+            for which in log:
+                getattr(axes, f"set_{which}scale")("log")
+            if equal:
+                axes.set_aspect("equal", adjustable="datalim" if None in limits else "box")
+        if plane is not None:
+            self.shows = [Shows(axes, plane[0], (plane[1],))]
+        if run is not None:
+            self.update(run)
+
+    @property
+    def artists(self) -> list[Artist]:  # type: ignore[override]
+        return sorted(self.drawn.values(), key=lambda artist: artist.get_zorder())
+
+    def update(self, run: Any) -> None:
+        """view.update(run): calls what(run) and shows what it gives."""
+        found = self.what(run)
+        if not isinstance(found, Mapping):
+            raise ModelError(
+                f"the function of curves gives name -> (x, y), not {type(found).__name__}"
+            )
+        if not self.drawn and (unknown := [name for name in self.styles if name not in found]):
+            raise ModelError(
+                f"styles names {listed(unknown)}, which is not drawn; there are {listed(found)}"
+            )
+        new = [name for name in found if name not in self.drawn]
+        for name in new:
+            self.drawn[name] = self._made(name, found[name])
+        right: list[np.ndarray] = []
+        up: list[np.ndarray] = []
+        for name, artist in self.drawn.items():
+            x, y = self._put(name, artist, found.get(name))
+            right += x
+            up += y
+        runs = list(run.values()) if isinstance(run, Mapping) else [run]
+        timed = any(
+            isinstance(v, tuple) and len(v) > 1 and v[0] is one.t
+            for v in found.values()
+            for one in runs
+        )
+        if not self._windows:
+            self._begin(runs[0], timed, right, up)
+            self.relimited = True
+        else:
+            pairs = zip(self._windows, (right, up), "xy", strict=True)
+            fitted = [
+                window.fit(*self._extent(data, which))
+                for window, data, which in pairs
+                if window is not None
+            ]
+            self.relimited = any(fitted) or bool(new)
+        for name, band in self._bands.items():  # as wide as the limits are now
+            patch = self.drawn[name]
+            reshape(patch, closed(*(self._fill(patch, *band) if band is not None else ())))
+        named = [name for name in self.drawn if self._legible(name)]
+        if named != self._named or new:
+            self._named = named
+            entries = [(self._sample(name), name) for name in named]
+            lone = len(entries) == 1 and isinstance(self.drawn[named[0]], Line2D)
+            head(self.axes, self.title, entries if self.legend and not lone else [])
+
+    def _begin(self, run: Run, timed: bool, right: list[np.ndarray], up: list[np.ndarray]) -> None:
+        for which, data, given in zip("xy", (right, up), self.limits, strict=True):
+            if given is not None:
+                getattr(self.axes, f"set_{which}lim")(*given)
+                self._windows.append(None)
+            else:
+                tight = which == "x" and timed
+                self._windows.append(
+                    Window(
+                        self.axes,
+                        which,
+                        *self._extent(data, which),
+                        margin=0.0 if tight else 0.07,
+                        room=0.0 if tight else 0.2,
+                        log=which in self.log,
+                    )
+                )
+        if timed:
+            if not self.shows:
+                lines = [name for name, a in self.drawn.items() if isinstance(a, Line2D)]
+                self.shows = [Shows(self.axes, "t", tuple(lines), self._curve)]
+            if self._xlabel is None and not self.axes.get_xlabel():
+                with style():
+                    over_time(self.axes, symbol("t"), run.system.time)
+
+    def _curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """What a held run and a cursor draw: the curve over the time, if it is one."""
+        found = self.what(run).get(name)
+        if not isinstance(found, tuple) or len(found) != 2 or any(v is None for v in found):
+            return np.zeros(0), np.zeros(0)
+        x, y = np.broadcast_arrays(*(np.asarray(v, dtype=float).ravel() for v in found))
+        return x, y
+
+    def _extent(self, data: list[np.ndarray], which: str) -> Span:
+        if which in self.log:
+            data = [array[array > 0] for array in data]
+        return extent(*data)
+
+    def _legible(self, name: str) -> bool:
+        return not name.startswith("_") and not isinstance(self.drawn[name], Text)
+
+    def _sample(self, name: str) -> Artist:
+        artist = self.drawn[name]
+        if isinstance(artist, Line2D):
+            return _sample(artist)
+        return Patch(
+            facecolor=artist.get_facecolor(),
+            edgecolor=artist.get_edgecolor(),
+            linewidth=artist.get_linewidth(),
+            hatch=artist.get_hatch(),
+        )
+
+    def _made(self, name: str, value: object) -> Artist:
+        """The empty artist for a value of this kind, in the order of colours and dashes."""
+        look = self.styles.get(name, {})
+        k = sum(isinstance(a, Line2D | PathPatch) for a in self.drawn.values())
+        lines = sum(isinstance(a, Line2D) for a in self.drawn.values())
+        color = COLORS[k % len(COLORS)]
+        with style():
+            if isinstance(value, str):
+                base = {"x": 0.02, "y": 0.97, "va": "top", "fontsize": 10.0, "zorder": 6}
+                given = {"bbox": VEIL, **base, **(look if isinstance(look, Mapping) else {})}
+                x, y = given.pop("x"), given.pop("y")
+                return self.axes.text(x, y, "", transform=self.axes.transAxes, **given)
+            filled = look == "fill"
+            if filled or (isinstance(value, tuple) and len(value) == 3):
+                given = {"facecolor": color, "alpha": 0.18, "linewidth": 0, "zorder": 1.1}
+                if isinstance(look, Mapping):
+                    given |= {"facecolor" if key == "color" else key: v for key, v in look.items()}
+                return self.axes.add_patch(PathPatch(Path(np.zeros((0, 2))), **given))
+            short, given = (look, {}) if isinstance(look, str) else ("", dict(look))
+            if short == "steps":
+                short, given = "", {"drawstyle": "steps-post"}
+            straight = isinstance(value, tuple) and any(part is None for part in value)
+            try:
+                line = self.axes.plot([], [], *([short] if short else []))[0]
+                if not _colored(short, given):
+                    line.set_color(FAINT if straight else color)
+                if not short and not {"ls", "linestyle", "marker"} & set(given):
+                    line.set_linestyle((0, (4, 2)) if straight else DASHES[lines % len(DASHES)])
+                    line.set_dash_capstyle("butt")
+                line.set_zorder(1.6 if straight else 3 + 0.01 * k)
+                if straight:
+                    line.set_linewidth(1.1)
+                elif line.get_linestyle() == "None":
+                    line.set_markersize(4)
+                line.set(**given)
+            except (ValueError, AttributeError, TypeError) as error:
+                raise ModelError(f"the style of {name!r}, {look!r}: {error}") from None
+        return line
+
+    def _put(
+        self, name: str, artist: Artist, value: object
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Gives the artist its data; returns those that the limits in x and in y heed."""
+        if isinstance(artist, Text):
+            words = "" if value is None else str(value)
+            if words != artist.get_text():
+                artist.set_text(words)
+            return [], []
+        if value is None:
+            if isinstance(artist, Line2D):
+                artist.set_data([], [])
+            else:
+                self._bands[name] = None
+            return [], []
+        size = 3 if isinstance(artist, PathPatch) and self.styles.get(name) != "fill" else 2
+        if not isinstance(value, tuple | list) or len(value) != size:
+            kinds = "(x, y), (x, low, high) or words"
+            raise ModelError(f"curve {name!r} is {kinds}, the same kind at each run, not {value!r}")
+        try:
+            parts = [
+                None if part is None else np.asarray(part, dtype=float).ravel() for part in value
+            ]
+            full = np.broadcast_arrays(*(part for part in parts if part is not None))
+        except (TypeError, ValueError):
+            sizes = ", ".join("None" if v is None else str(np.shape(v)) for v in value)
+            raise ModelError(
+                f"curve {name!r}: x and y must be numbers of one length, not of shapes {sizes}"
+            ) from None
+        if not full:
+            raise ModelError(f"curve {name!r} gives None for everything")
+        given = iter(full)
+        parts = [None if part is None else next(given) for part in parts]
+        if isinstance(artist, PathPatch):
+            x, low, high = (*parts, None)[:3]
+            self._bands[name] = (x, low, high)
+            bounds = [a[np.isfinite(a)] for a in (low, high) if a is not None]
+            return [] if x is None else [x], bounds
+        x, y = parts
+        if x is None or y is None:
+            at = y if x is None else x
+            ends = _segments(np.zeros(len(at)), np.ones(len(at))), np.repeat(at, 3)
+            artist.set_transform(
+                self.axes.get_yaxis_transform() if x is None else self.axes.get_xaxis_transform()
+            )
+            artist.set_data(*(ends if x is None else ends[::-1]))
+            return ([], [at]) if x is None else ([at], [])
+        artist.set_data(x, y)
+        return [x], [y]
+
+    def _fill(
+        self,
+        patch: PathPatch,
+        x: np.ndarray | None,
+        low: np.ndarray | None,
+        high: np.ndarray | None,
+    ) -> list[np.ndarray]:
+        """The polygons of a band: between curves, or straight across the axes."""
+        if high is None:
+            assert x is not None
+            if low is not None:  # the closed curve (x, y)
+                points = np.column_stack([x, low])
+                cuts = np.flatnonzero(~np.isfinite(points).all(axis=1))
+                return [part[np.isfinite(part).all(axis=1)] for part in np.split(points, cuts)]
+            patch.set_transform(self.axes.get_xaxis_transform())
+            pairs = x[: len(x) // 2 * 2].reshape(-1, 2)
+            return [np.array([(a, 0), (b, 0), (b, 1), (a, 1)]) for a, b in pairs]
+        assert low is not None
+        bottom, top = self.axes.get_ylim()
+        log = "y" in self.log
+        below, above = (
+            (bottom**2 / top, top**2 / bottom) if log else (2 * bottom - top, 2 * top - bottom)
+        )
+        low, high = (np.clip(bound, below, above) for bound in (low, high))
+        if x is None:
+            patch.set_transform(self.axes.get_yaxis_transform())
+            pairs = np.column_stack([low, high])
+            return [np.array([(0, a), (1, a), (1, b), (0, b)]) for a, b in pairs]
+        good = np.isfinite(x + low + high)
+        runs = np.split(np.arange(len(x)), np.flatnonzero(np.diff(good.astype(int))) + 1)
+        there, back = np.column_stack([x, low]), np.column_stack([x, high])
+        return [np.concatenate([there[k], back[k][::-1]]) for k in runs if len(k) and good[k[0]]]
+
+
+def _colored(short: str, given: Mapping[str, object]) -> bool:
+    """Does a style name a colour itself?"""
+    return bool({"c", "color"} & set(given)) or any(letter in short for letter in "bgrcmykwC")

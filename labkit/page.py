@@ -1,0 +1,116 @@
+"""A notebook as one page of HTML that needs no network: to read, to print, to hand out.
+
+page("notebooks/part3/06_dc_dc_converter.ipynb")     # python -m labkit page part3/06
+markdown_to_html("the root of $x^2 = 2$")            # formulas as MathML
+
+Formulas are written as MathML, which every browser shows by itself; pictures carry their
+alternative texts; a cell whose source is hidden is folded. The page's form is in the template
+labkit/jupyter/nbconvert/templates/labkit.
+"""
+
+from __future__ import annotations
+
+import html
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from jinja2 import pass_context
+from math_core import LatexError, LatexToMathML
+from nbconvert.exporters import HTMLExporter
+from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
+
+from .notebooks import FILTERS, TEMPLATES
+from .run import _write
+
+__all__ = ["Formulas", "Page", "formula", "markdown_to_html", "page", "typeset"]
+
+_FORMULA = re.compile(r"\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
+#: Code and tags of HTML, in which a $ is no formula
+_NO_TEXT = re.compile(
+    r"(<(?:pre|code|script|style)\b.*?</(?:pre|code|script|style)>|<[^>]*>)", re.DOTALL
+)
+_MATH = LatexToMathML(fancy_error=False)
+
+
+def formula(latex: str, display: bool = False) -> str:
+    """formula(r"\\\\frac{1}{2}") -> MathML; what it does not know is shown as it was written."""
+    try:
+        made = _MATH.convert_with_local_state(latex.strip(), displaystyle=display)
+    except LatexError:
+        mark = "$$" if display else "$"
+        return f"<code>{html.escape(mark + latex + mark)}</code>"
+    return made.replace("&ApplyFunction;", "\u2061")  # nbconvert reads headings as XML
+
+
+class Formulas(IPythonRenderer):
+    """nbconvert's writer of HTML for Markdown, its formulas as MathML."""
+
+    def block_math(self, body: str) -> str:
+        return formula(body, display=True)
+
+    def inline_math(self, body: str) -> str:
+        return formula(body)
+
+    def latex_environment(self, name: str, body: str) -> str:
+        return formula(rf"\begin{{{name}}}{body}\end{{{name}}}", display=True)
+
+
+@pass_context
+def markdown_to_html(context: Any, source: str) -> str:
+    """The filter `markdown2html` of a template of nbconvert."""
+    cell, resources = context.get("cell", {}), context.get("resources", {})
+    writer = Formulas(
+        escape=False,
+        attachments=cell.get("attachments", {}),
+        embed_images=True,
+        path=resources.get("metadata", {}).get("path", ""),
+    )
+    return MarkdownWithMath(renderer=writer).render(source)
+
+
+def typeset(text: str) -> str:
+    """typeset("<td>$x^2$</td>") -> the same HTML, the formulas of its text as MathML; a filter."""
+    pieces = _NO_TEXT.split(text)
+    pieces[::2] = [
+        _FORMULA.sub(lambda m: formula(html.unescape(m[1] or m[2]), bool(m[1])), piece)
+        for piece in pieces[::2]
+    ]
+    return "".join(pieces)
+
+
+def contents(notebook: Any) -> str:
+    """The filter `contents` of a template: links to the headings of the second level."""
+    lines = [
+        line
+        for cell in notebook["cells"]
+        if cell["cell_type"] == "markdown"
+        for line in cell["source"].splitlines()
+        if line.startswith("## ")
+    ]
+    text = MarkdownWithMath(renderer=Formulas(escape=False)).render("\n\n".join(lines))
+    found = re.findall(r'<h2 id="(.*?)">(.*?)<a class="anchor-link"', text)
+    items = "\n".join(f'<li><a href="#{place}">{title}</a></li>' for place, title in found)
+    return f'<nav class="labkit-contents" aria-label="Contents"><ol>\n{items}\n</ol></nav>'
+
+
+class Page(HTMLExporter):
+    """`jupyter nbconvert --to labkit.page.Page` does what `page` does."""
+
+    def __init__(self, **options: Any):
+        super().__init__(
+            template_name="labkit",
+            extra_template_basedirs=[str(TEMPLATES)],
+            filters=FILTERS,
+            **options,
+        )
+
+
+def page(notebook: str | os.PathLike, folder: str | os.PathLike = ".") -> Path:
+    """page("notebooks/start.ipynb") -> path of start.html in the folder, from the saved results.
+
+    Raises ModelError if it cannot be written there, OSError if the notebook cannot be read.
+    """
+    text, _ = Page().from_filename(str(notebook))
+    return _write(Path(folder) / f"{Path(notebook).stem}.html", text.encode())
