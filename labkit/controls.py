@@ -1,4 +1,4 @@
-"""Sliders and selects made from a model: which there are, their ranges, steps and names. Used by `explore`."""
+"""Sliders and selects made from a model: their ranges, steps and names. Used by `explore`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Control:
         return self.options if self.kind == "select" else (self.low, self.high)
 
     def nearest(self, value: float) -> float:
-        """control.nearest(0.123) -> 0.12: the value of the slider's grid; panel.js says the same."""
+        """control.nearest(0.123) -> 0.12: on the slider's grid; panel.js has the same formula."""
         log = self.kind == "log"
         at = math.log10(value) if log else value
         on = self.base + math.floor((at - self.base) / self.step + 0.5) * self.step
@@ -72,7 +72,7 @@ def controls_of(
     run: Run,
     startable: Callable[[str, float], bool],
 ) -> list[Control]:
-    """The sliders in their groups, with the range that the author, the Parameter or the default run gives each."""
+    """The sliders in their groups; author, Parameter or default run give each its range."""
     only = (
         None
         if sliders is None or isinstance(sliders, Mapping)
@@ -84,7 +84,8 @@ def controls_of(
     known = [*system.parameters, *system.units, *SETTINGS]
     if unknown := [name for name in (only or ranges) if name not in known]:
         raise ModelError(
-            f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are {listed(known)}"
+            f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are "
+            f"{listed(known)}"
         )
     wanted = [
         name
@@ -201,7 +202,8 @@ def controls_of(
                 )
             except TypeError:
                 raise ModelError(
-                    f"slider of {name!r} must be (low, high), (low, high, step) or False, not {ranges[name]!r}"
+                    f"slider of {name!r} must be (low, high), (low, high, step) or False, "
+                    f"not {ranges[name]!r}"
                 ) from None
         low = control.low
         if control.kind != "select":
@@ -211,7 +213,8 @@ def controls_of(
             )
             if control.low >= control.high or (control.kind == "log" and control.low <= 0):
                 raise ModelError(
-                    f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: give sliders={{{name!r}: (low, high)}}"
+                    f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: "
+                    f"give sliders={{{name!r}: (low, high)}}"
                 )
         if control.kind == "slider" and step:
             if not step[0] > 0:
@@ -225,7 +228,10 @@ def controls_of(
 
 
 def _span(value: float, low: float | None, high: float | None) -> tuple[float, float]:
-    """The declared range; an end that is not declared lies near the value and, unless the value is 0, on its side of zero."""
+    """The declared range.
+
+    An end that is not declared lies near the value and, unless that is 0, on its side of zero.
+    """
     near = sorted((rounded(0.2 * value, 1), rounded(2.5 * value, 2))) if value else (-1.0, 1.0)
     reach = max(near[1] - near[0], abs(value))
     below, above = (
@@ -248,7 +254,10 @@ def _nice(value: float) -> float:
 
 
 def symbol_and_index(name: str, latex: str | None = None) -> tuple[str, str]:
-    """symbol_and_index("omega0") -> ("ω", "0"): letter and index as plain text for the page, from the symbol that equations and axes use."""
+    """symbol_and_index("omega0") -> ("ω", "0"): letter and index as plain text for the page.
+
+    From the symbol that equations and axes use.
+    """
     text = re.sub(
         r"\\(?:mathrm|text|mathit)\{([^{}]*)\}", r"\1", (latex or symbol(name)).strip("$")
     )

@@ -220,6 +220,7 @@ function render({ model, el }) {
   let above = []; // parts from the first moving one on; those below it are kept as pixels
   let info = { axes: [], grips: [], span: [0, 1], t: null, verdict: spec.verdict };
   let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
+  let marked = ""; // what the buttons say
   let wide = spec.width; // of the canvas on the page; an observer measures it: asking costs a layout
 
   const canvas = make("canvas", "labkit-picture");
@@ -283,6 +284,7 @@ function render({ model, el }) {
   const enable = (on) => {
     el.classList.toggle("labkit-lost", !on);
     for (const node of el.querySelectorAll("input, select, button")) node.disabled = !on;
+    marked = "";
   };
   const calm = () => { // the kernel answers, or the message that was sent last is taken back
     patience.forEach(clearTimeout);
@@ -686,11 +688,15 @@ function render({ model, el }) {
   };
   const lasting = (kind) => () => ask(kind, { on: !info[kind] });
   const mark = () => { // what the buttons say of the panel's state, whoever has changed it
+    const home = info.axes.every((one) => one.home);
+    const state = [!info.hold, !info.large, !info.undo, !info.begun, home].join();
+    if (state === marked) return;
+    marked = state;
     for (const kind of ["hold", "large"]) {
       buttons[kind]?.setAttribute("aria-pressed", Boolean(info[kind]));
     }
-    const can = { undo: info.undo, clear: info.begun, home: !info.axes.every((one) => one.home) };
-    for (const [key, on] of Object.entries(can)) if (buttons[key]) buttons[key].disabled = !on;
+    const idle = { undo: !info.undo, clear: !info.begun, home };
+    for (const [key, off] of Object.entries(idle)) if (buttons[key]) buttons[key].disabled = off;
     el.classList.toggle("labkit-large", Boolean(info.large));
   };
   const reset = () => {

@@ -1,11 +1,13 @@
 """A panel: sliders made from the model and a live figure, in one widget.
 
-    explore(ball, 12.0)                                   # time plot and phase portrait, all sliders
-    explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False}, verdict=lambda run: f"{len(run.events)} bounces")
+    explore(ball, 12.0)                         # time plot and phase portrait, all sliders
+    explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False})
+    explore(ball, 12.0, picture, verdict=lambda run: f"{len(run.events)} bounces")
     explore(ball, 12.0, picture, presets={"dead": {"e": 0.0}, "on the moon": {"g": 1.62}})
 
-Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values with a number,
-one unanswered message at a time; `Panel` answers each with one picture (or one error) that carries the number.
+Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values
+with a number, one unanswered message at a time; `Panel` answers each with one picture (or one
+error) that carries the number.
 A picture is what has changed of the figure, as strokes for a canvas: see draw/record.py.
 """
 
@@ -54,11 +56,12 @@ METHOD, RTOL = "DOP853", 1e-8  # what explore begins with
 
 
 class View(Protocol):
-    """What a panel needs of a picture: any object with these four, made once by `draw(run)` from the default run.
+    """What a panel needs of a picture: an object with these four, made once by `draw(run)`.
 
     figure     made by labkit.draw.figure
-    artists    those that `update` changes: drawn anew for every picture, the rest of the figure only once
-    relimited  True when the last `update` changed anything else (limits, ticks, a title): the still part is drawn again
+    artists    those that `update` changes: drawn anew for every picture, the rest only once
+    relimited  True when the last `update` changed anything else (limits, ticks, a title): then
+               the still part is drawn again
     """
 
     figure: Any
@@ -297,7 +300,7 @@ class Panel(anywidget.AnyWidget):
         self._show(self.values | found)
 
     def _limits(self, message: dict) -> None:
-        """New limits, linear in pixels (of a logarithmic axis, logarithms); none: those before the first zoom."""
+        """New limits, linear in pixels (logarithms of a logarithmic axis); none: the first ones."""
         axes = self.figure.axes[message["axes"]]
         self.home.setdefault(axes, (axes.get_xlim(), axes.get_ylim()))
         if message["limits"] is None:
@@ -319,7 +322,7 @@ class Panel(anywidget.AnyWidget):
         self.view.update(self.run)
 
     def _start(self, message: dict) -> None:
-        """A trajectory from a place in a plane; it stays while sliders move, until all are cleared."""
+        """A trajectory from a place in a plane; it stays while sliders move, until cleared."""
         axes = self.figure.axes[message["axes"]]
         show = next((show for show in self.shows if show.axes is axes and show.plane), None)
         if show is None:
@@ -393,7 +396,7 @@ class Panel(anywidget.AnyWidget):
             )
         )
 
-    # -- the picture ----------------------------------------------------------------------------------------------------
+    # -- the picture -------------------------------------------------------------------------------
 
     def _show(self, values: dict) -> None:
         run = self.compute(values)
