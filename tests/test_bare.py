@@ -291,7 +291,7 @@ def test_undo_home_reset_and_the_settings_as_code(browser, hands):
 
 def test_a_panel_that_cannot_reach_its_kernel_says_so_and_what_to_do(browser, hands):
     with opened(browser, hands) as page:
-        page.evaluate("window.ask = () => { throw new Error('the comm is closed'); }")
+        page.evaluate("void (window.ask = () => { throw new Error('closed'); })")
         page.get_by_role("button", name="Play").click()
         lost = page.locator(".labkit-error", has_text="no kernel any more: run the notebook again")
         lost.wait_for(timeout=1000)
@@ -299,7 +299,9 @@ def test_a_panel_that_cannot_reach_its_kernel_says_so_and_what_to_do(browser, ha
         assert page.get_by_role("button", name="Play").inner_text() == "▶ Play"  # it does not run
         assert page.locator(".labkit-lost canvas").count() == 1 and page.problems == []
     with opened(browser, hands) as page:
-        page.evaluate("window.ask = () => new Promise(() => {})")  # it works at something else
+        page.evaluate(
+            "void (window.ask = () => new Promise(() => {}))"
+        )  # it works at something else
         page.get_by_role("button", name="Play").click()
         page.locator(".labkit-verdict[data-late*='the kernel is busy']").wait_for(timeout=2000)
         page.wait_for_timeout(700)
