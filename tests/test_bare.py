@@ -376,7 +376,7 @@ def test_picture_and_sliders_are_in_view_together_and_a_classroom_can_read_them(
 
 
 SIZES = """() => [...document.querySelectorAll('.labkit-panel *')]
-    .filter((node) => [...node.childNodes].some((child) => child.nodeType === 3 && child.data.trim())
+    .filter((node) => [...node.childNodes].some((one) => one.nodeType === 3 && one.data.trim())
         || node.matches('input[type=text]'))
     .map((node) => parseFloat(getComputedStyle(node).fontSize))"""
 SMALL_TARGETS = """() => [...document.querySelectorAll('button, input, select, summary')]
