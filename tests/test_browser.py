@@ -259,9 +259,8 @@ def test_the_panel(page, lab):
     remember(panel)
     value.nth(1).fill("7")
     page.keyboard.press("Enter")
-    panel.locator(
-        ".labkit-error", has_text="parameter 'delta' = 7 is outside its range [0, 1] 1/s"
-    ).wait_for()
+    panel.locator(".labkit-error", has_text="“7” is outside; type one from 0 to 1 1/s").wait_for()
+    assert value.nth(1).input_value() == "7"
     value.nth(1).fill("1")
     page.keyboard.press("Enter")
     panel.locator(".labkit-error summary").click()
@@ -276,8 +275,10 @@ def test_the_panel(page, lab):
     panel.locator(".labkit-control:visible", has_text="size of a step").wait_for()
     assert panel.locator(".labkit-control:visible", has_text="relative tolerance").count() == 0
 
+    tall = panel.bounding_box()["height"]
     panel.get_by_role("button", name="Save CSV").click()
-    panel.locator(".labkit-note", has_text="oscillator.csv").wait_for()
+    panel.locator(".labkit-said", has_text="oscillator.csv").wait_for()
+    assert panel.bounding_box()["height"] == tall
     assert (lab.folder / "oscillator.csv").read_text(encoding="utf-8").startswith("t [s],")
 
     # Ctrl-S saves also while the panel has the focus; the file keeps the picture and nothing of the widget.
@@ -289,8 +290,13 @@ def test_the_panel(page, lab):
     assert set(output["data"]) == {"image/png", "text/plain"} and WIDGET not in json.dumps(saved)
     assert strip(lab.saved(SMALL)) == saved
 
-    # Without its kernel the saved notebook, which is trusted, shows the picture and no empty widget.
+    # Without a kernel the panel says so as soon as Lab knows, and nothing can be moved.
     lab.end_kernels()
+    lost = panel.locator(".labkit-error", has_text="no kernel any more: run the notebook again")
+    lost.wait_for(timeout=20_000)
+    assert panel.locator(".labkit-range:enabled, select:enabled, button:enabled").count() == 0
+
+    # Without its kernel the saved notebook, which is trusted, shows the picture and no empty widget.
     open_notebook(page, lab, SMALL)
     page.locator(".jp-OutputArea img").first.wait_for()
     assert (
@@ -350,19 +356,19 @@ def test_hands_and_keys(page, lab):
 
     # A click in the plane starts a trajectory; it stays while a slider moves; Delete takes it away, "n" starts one from the ring.
     clear = panel.get_by_role("button", name="Clear")
-    assert clear.is_hidden()
+    assert clear.is_disabled()
     remember(panel)
     page.mouse.click(*plane)
-    clear.wait_for()
+    assert until(clear.is_enabled)
     settled(page, panel)
     assert changed(panel) > 0.001
     drag(page, panel, 0.7, slider=1)
-    assert clear.is_visible()
+    assert clear.is_enabled()
     canvas.focus()
     press("Delete")
-    assert clear.is_hidden()
+    assert clear.is_disabled()
     press("n")
-    assert clear.is_visible()
+    assert clear.is_enabled()
     clear.click()
     settled(page, panel)
 
@@ -379,12 +385,9 @@ def test_hands_and_keys(page, lab):
     assert verdict_says_nothing_wrong(panel)
     x = value("x")
     press("Escape", "Enter")
-    assert (
-        panel.locator(".labkit-note[role=status]").inner_text()
-        == "arrow keys move: the time cursor"
-    )
+    assert panel.locator(".labkit-said").inner_text() == "arrow keys move: the time cursor"
     press("Enter")
-    assert panel.locator(".labkit-note[role=status]").inner_text() == "arrow keys move: start"
+    assert panel.locator(".labkit-said").inner_text() == "arrow keys move: start"
     press("ArrowLeft", "ArrowLeft")
     assert value("x") < x
 
@@ -405,12 +408,12 @@ def test_hands_and_keys(page, lab):
     page.mouse.down()
     page.mouse.move(plane[0] + 50, plane[1] + 20, steps=5)
     page.mouse.up()
-    assert until(lambda: changed(panel) > 0.01) and clear.is_hidden()
+    assert until(lambda: changed(panel) > 0.01) and clear.is_disabled()
     page.wait_for_timeout(800)
     before = settled(page, panel)
     page.mouse.dblclick(*plane)
     pictures(page, panel, before + 1)
-    assert until(clear.is_hidden)
+    assert until(clear.is_disabled)
     page.wait_for_timeout(800)
     settled(page, panel)
     remember(panel)
@@ -445,10 +448,7 @@ def test_hands_and_keys(page, lab):
     assert changed(panel) > 0.001  # the ghost has gone
     remember(panel)
     push("Classroom")
-    assert changed(panel) > 0.01 and canvas.bounding_box()["height"] == pytest.approx(
-        box["height"], abs=1
-    )
-    assert panel.bounding_box()["height"] == pytest.approx(height, abs=1)
+    assert changed(panel) > 0.01
     assert verdict_says_nothing_wrong(panel) and page.problems == []
 
 
@@ -497,7 +497,7 @@ def test_fingers(page, lab, browser):
     Fingers(tablet).move(((0.7, 0.4), (0.62, 0.3)), ((0.8, 0.5), (0.9, 0.6)))
     assert until(lambda: changed(panel) > 0.01)
     tablet.touchscreen.tap(box["x"] + 0.65 * box["width"], box["y"] + 0.7 * box["height"])
-    panel.get_by_role("button", name="Clear").wait_for()
+    assert until(panel.get_by_role("button", name="Clear").is_enabled)
     tablet.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.25 * box["height"])
     panel.locator(".labkit-reading", has_text="t = 4").wait_for()
     assert panel.locator(".labkit-error").count() == 0
@@ -594,7 +594,7 @@ def test_one_notebook_as_an_app(browser, app):
     canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
     box = canvas.bounding_box()
     page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
-    clear.wait_for()
+    assert until(clear.is_enabled)
     panel.get_by_role("button", name="Play").click()
     assert until(lambda: instant(panel) > 0.5)
     panel.get_by_role("button", name="Pause").click()
