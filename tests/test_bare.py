@@ -22,7 +22,8 @@ def like_what_is_saved(browser, panel, ratio):
     assert mine.shape == theirs.shape
     off = np.abs(mine - theirs)
     print(
-        f"{panel.title}, ratio {ratio}: mean {off.mean():.3f}, {100 * (off.max(axis=2) > 32).mean():.3f} % far off"
+        f"{panel.title}, ratio {ratio}: mean {off.mean():.3f}, "
+        f"{100 * (off.max(axis=2) > 32).mean():.3f} % far off"
     )
     assert (theirs < 100).any() and off.mean() <= 0.7 and (off.max(axis=2) > 32).mean() <= 0.003
 

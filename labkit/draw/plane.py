@@ -163,7 +163,7 @@ class Plane:
                 return (np.nan,) * width
             return tuple(value) if width > 1 else (value,)
 
-        if len(x) > 16:
+        if len(x) > (16 if self._tried[function] < 20 else 3):
             try:
                 with np.errstate(all="ignore"):
                     value = self._wide[function](t, state(mode, x, y), p)
@@ -256,6 +256,10 @@ class Plane:
                     beyond = tr.direction * self.guard(tr, mode, x, y) - tr.tolerance > 1e-9 * size
                     found[(found == i) & beyond] = -1
         return found.reshape(np.shape(X))
+
+    def stands_still(self, mode: str, limits: Limits) -> bool:
+        """plane.stands_still("rest", limits) -> whether no point of the picture moves in a mode."""
+        return not any(np.any(rate != 0) for rate in self.flow_on_grid(mode, limits, 5))
 
     def depends_on_time(self, limits: Limits, horizon: float = 10.0) -> bool:
         """True when a flow shown takes other values at other instants.
@@ -500,7 +504,7 @@ def separatrices(
         new[ends] = np.nan
         u[~live], u[live] = np.nan, new
         path.append(u)
-        live[live] = ~ends & (np.abs(new - 0.5) < 1.0).all(axis=1)
+        live[live] = ~ends & (np.abs(new - 0.5) < 0.75).all(axis=1)
         if not live.any():
             break
     curves = corner + np.stack(path, axis=1) * size

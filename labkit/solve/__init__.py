@@ -26,6 +26,7 @@ from ..runs import Runs
 from . import core
 from .backend import core_is_kept, load_core
 from .batch import Batch, samples
+from .faded import faded
 from .methods import FIXED_STEP, METHODS
 from .options import count
 from .pool import Pool, pool_of, together
@@ -99,7 +100,7 @@ def simulate(
     if ended is Ended.REFUSED:
         raise ModelError(stopped)
     out = samples(batch.out)
-    ledger = batch.ledger()
+    ledger, pieces = batch.ledger(), batch.pieces()
     run = Run(
         system,
         p,
@@ -116,10 +117,10 @@ def simulate(
             st.method,
             "plain" if batch.code is None else "compiled",
         ),
-        batch.pieces(),
+        pieces,
         batch.touches.get(0, []),
         ended,
-        batch.notes.get(0, []),
+        batch.notes.get(0, []) + faded(st, pieces, p),
         MappingProxyType({**st.options.given, "start": start, "mode": mode}),
         simulate,
         out.other,

@@ -140,8 +140,8 @@ class Batch:
         return [
             f"the flow seems to jump near t = {w.f[core.JUMP_T]:.6g}"
             + (f" and at {places - 1} more places" if places > 1 else "")
-            + ": steps were refused there again and again. Make the jump an event (a Transition "
-            "with a guard, or at=), then nothing of it is missed"
+            + ": steps got shorter and shorter there. Make the jump an event (a Transition with a "
+            "guard, or at=), then nothing of it is missed"
         ]
 
     def _refused(self, lane: int) -> str:

@@ -50,9 +50,6 @@ CHECKED: dict[str, tuple[object, int, int]] = {
     "do_power": (operator.pow, 2, POWER),
     "do_division": (operator.truediv, 2, NEVER),  # NumPy's; Python's own is checked by Numba
     "do_numpy_power": (operator.pow, 2, NEVER),
-    "do_square": (2, 1, POWER),
-    "do_cube": (3, 1, POWER),
-    "do_fourth": (4, 1, POWER),
     **{f"do_{name}": (f"llvm.{name}", 1, WHOLE) for name in ["trunc", "floor", "ceil", "rint"]},
 }
 #: what may be called by that name in `math`
@@ -81,7 +78,7 @@ def _make(what: object, count: int, fails: int) -> object:
         return result
 
     def prepare(typing):
-        if callable(what) and what not in (operator.truediv, math.fmod):
+        if callable(what) and what not in (operator.truediv, operator.pow, math.pow, math.fmod):
             typing.resolve_function_type(what, signature.args, {})
         return signature, codegen
 
@@ -95,17 +92,25 @@ def _value(what: object, context, builder, signature, arguments):
         return builder.fdiv(*arguments)
     if what is math.fmod:
         return builder.frem(*arguments)
+    if what in (operator.pow, math.pow):
+        return builder.call(_library_pow(builder.module), arguments)
     if callable(what):
         return context.get_function(what, signature)(builder, arguments)
     x = arguments[0]
-    if isinstance(what, str):
-        return builder.call(builder.module.declare_intrinsic(what, [x.type]), [x])
-    square = builder.fmul(x, x)
-    return {
-        2: lambda: square,
-        3: lambda: builder.fmul(x, square),
-        4: lambda: builder.fmul(square, square),
-    }[what]()
+    return builder.call(builder.module.declare_intrinsic(what, [x.type]), [x])
+
+
+def _library_pow(module):
+    """The C library's pow, which Python calls: x**2 is not x*x to the last bit, and LLVM may not
+    put the one for the other.
+    """
+    from llvmlite import ir
+
+    if "pow" not in module.globals:
+        double = ir.DoubleType()
+        declared = ir.Function(module, ir.FunctionType(double, [double, double]), "pow")
+        declared.attributes.add("nobuiltin")
+    return module.globals["pow"]
 
 
 def _failed(builder, fails: int, result, arguments):

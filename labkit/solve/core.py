@@ -92,27 +92,43 @@ def retake(model, w, p, mode, n, t, h, theta, k, limit):
     return h, theta
 
 
-def refused(w, t, h, factor):
+def refused(w, h, factor):
     """A step is not good enough: the next try is shorter."""
-    i, f = w.i, w.f
-    if i[STREAK] == 0:
-        f[STREAK_H] = h
-    i[STREAK] += 1
-    i[REJECTED] += 1
-    i[FIRST] = 1
-    f[H] = factor * h
+    w.i[REJECTED] += 1
+    w.i[FIRST] = 1
+    w.f[H] = factor * h
 
 
-def accepted(w, t, h):
-    """… and one that is: refusals that piled up before it tell of a jump in the flow."""
+def accepted(w, mode, n, t, h):
+    """… and one that is. One far shorter than those before it may have found a jump in the flow."""
     i, f = w.i, w.f
-    if i[STREAK] >= 5 and h < 1e-3 * f[STREAK_H] and i[ENTRY] == 0:
+    recent = 0.0 if i[ENTRY] == 1 or i[ADAPTIVE] == 0 else f[RECENT]
+    if h < 1e-3 * recent and jumps_within(w, mode, n, i[STAGES], recent) == 1:
         if i[JUMPS] == 0:
             f[JUMP_T] = t + h
         i[JUMPS] += 1
-    i[STREAK] = 0
+        recent = 0.0  # once each
+    f[RECENT] = max(h, 0.9 * recent)
     i[FIRST] = 0
     i[STEPS] += 1
+
+
+def jumps_within(w, mode, n, stages, recent):
+    """Does a rate have two values in this step and none between (1), so far apart that a step as
+    long as those before could not have been accepted?
+    """
+    k = w.k
+    for q in range(n):
+        first, change = k[0][q], k[stages][q] - k[0][q]
+        if abs(change) * recent > 100.0 * allowed(w, mode, q, abs(w.y[q]), 0.0):
+            between = 0
+            for stage in range(1, stages):
+                part = (k[stage][q] - first) / change
+                if abs(part) > 0.05 and abs(part - 1.0) > 0.05:
+                    between = 1
+            if between == 0:
+                return 1
+    return 0
 
 
 def jumps_here(w, n):
@@ -199,7 +215,7 @@ def advance(model, w, p, budget):
                 if i[ADAPTIVE] == 0:
                     return UNDERFLOW
                 shrink = max(0.2, 0.9 * error ** (-1.0 / order)) if error < 1e290 else 0.1
-                refused(w, t, h, shrink)
+                refused(w, h, shrink)
                 if f[H] < least or f[H] < 1e-290:
                     return HIDDEN_JUMP if jumps_here(w, n) == 1 and error < 1e290 else UNDERFLOW
                 continue
@@ -227,7 +243,7 @@ def advance(model, w, p, budget):
                 if 0.0 < miss < 1e290:
                     factor = min(10.0, max(0.2, 0.9 * (MOST_DEFECT / miss) ** 0.125))
                 if not miss <= MOST_DEFECT:
-                    refused(w, t, h, factor)
+                    refused(w, h, factor)
                     continue
                 if not snapped:
                     f[H] = min(f[H], factor * h)
@@ -237,16 +253,16 @@ def advance(model, w, p, budget):
                 note_touches(model, w, p, mode, n, t, h, min(theta, 1.0))
         if theta == -3.0:  # a guard does too much in it
             f[CAP] = 0.1 * h
-            refused(w, t, h, 0.1)
+            refused(w, h, 0.1)
             continue
         if theta == -2.0:  # not a number: the step may have gone too far
-            refused(w, t, h, 0.25)
+            refused(w, h, 0.25)
             i[FRESH], i[KNOWN] = 1, 0
             i[WHO] = max(watched(w, mode, k), 0)
             if f[H] < least or f[H] < 1e-290 or i[ADAPTIVE] != 1:
                 return GUARD_NAN
             continue
-        accepted(w, t, h)
+        accepted(w, mode, n, t, h)
         if k >= 0:
             if 0.0 < theta < 1.0 and i[ADAPTIVE] == 1:
                 h, theta = retake(model, w, p, mode, n, t, h, theta, k, limit)

@@ -73,6 +73,13 @@ def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tupl
         return _why_no_step(settings, w)
     transitions = settings.system.transitions
     ended, sentence = ENDINGS[status]
+    if status == core.LOOP and (both := _two_surfaces(w)):
+        one, other = (transitions[i].name for i in both)
+        sentence = (
+            "endless loop at t = {t:.6g}: the state slides on two surfaces at once, those of "
+            f'"{one}" and "{other}", and no rule says which mixture of the flows holds it on both '
+            "(give it a mode of its own there)"
+        )
     return ended, sentence.format(
         name=transitions[w.i[core.WHO]].name if transitions else "",
         mode=settings.modes[w.i[core.MODE]],
@@ -86,6 +93,16 @@ def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tupl
         max_events=settings.options.max_events,
         max_steps=settings.options.max_steps,
     )
+
+
+def _two_surfaces(w: core.Workspace) -> tuple[int, int] | None:
+    """The transitions of two surfaces between which a loop goes to and fro, if it slides."""
+    end = int(w.i[core.LEDGER])
+    last = [w.ledger[line] for line in range(max(end - 64, 0), end)]
+    for line, after in zip(last, last[1:], strict=False):
+        if line[4] == core.SLIDE and after[3] != core.SLIDE and after[1] != line[1]:
+            return int(line[1]), int(after[1])
+    return None
 
 
 def _why_no_step(settings: Settings, w: core.Workspace) -> tuple[Ended, str]:

@@ -7,7 +7,7 @@ crossing is used once; `sides` says who waits.
 
 from .layout import *
 from .sides import CLEAR, know_flow, leaves, sides
-from .sliding import begin_sliding, mixing
+from .sliding import begin_sliding, guard_place, mixing, rates
 from .step import grown
 
 
@@ -333,7 +333,7 @@ def pile_up(model, w, p, q, touching):
     if zeno:
         ratio = (gap / w.anchor[q][0]) ** (1.0 / w.anchor[q][1])
         if touching:
-            height = 0.25 * f[SPEED] * ratio * ratio * gap
+            height = ratio * ratio * halfway(model, w, p, q)
             short = gap * ratio <= 512.0 * EPS * max(abs(t), abs(f[BEFORE]))
             zeno = short or height <= 8.0 * CLEAR * f[BAND]
     if zeno:
@@ -375,6 +375,25 @@ def pile_up(model, w, p, q, touching):
     leave(model, w, p, mode, mode, n, q)
     enter(model, w, p, rest, rest, n)
     return sides(model, w, p, ENTERED, q)
+
+
+def halfway(model, w, p, q):
+    """How far the guard of q was from zero in the middle of the flight that its event has just
+    ended, by the cubic through both ends of the flight.
+    """
+    mode, t, gap = w.i[MODE], w.f[T], w.last_gap[q]
+    n, line, then = w.size[mode], w.ledger[w.i[LEDGER] - 1], w.last_y[q]
+    for i in range(n):
+        w.y_look[i], w.y_shake[i] = then[i], line[5 + i]
+    rates(model, w, mode, n, t - gap, w.y_look, p, w.ahead[1])
+    rates(model, w, mode, n, t, w.y_shake, p, w.ahead[2])
+    for i in range(n):
+        bend = 0.125 * gap * (w.ahead[1][i] - w.ahead[2][i])
+        w.y_look[i] = 0.5 * (then[i] + line[5 + i]) + bend
+    guards(model, mode, t - 0.5 * gap, w.y_look, p, w.g_look)
+    w.i[FLOWS] += 2
+    w.i[GUARDS] += 1
+    return abs(w.g_look[guard_place(w, mode, q)])
 
 
 def plan_time(w, s):

@@ -25,40 +25,39 @@ EPS = 2.220446049250313e-16
 # acted;
 # FIRST: the last step was refused; KIND: why the chosen transition acts (CROSSED, DUE, LATE)
 (FRESH, KNOWN, ENTRY, BUSY, SAME, ARRIVED, WHO, FIRST, KIND, PENDING, TOUCHES) = range(11, 22)
-# AHEAD: w.g_ahead holds the guards a little later; STREAK: refusals in a row; STIFFS: steps at the
-# border of stability; JUMPS: places where refusals piled up
-(AHEAD, STREAK, STIFFS, JUMPS) = range(22, 26)
+# AHEAD: w.g_ahead holds the guards a little later; STIFFS: steps at the border of stability; JUMPS:
+# places where the flow seemed to jump
+(AHEAD, STIFFS, JUMPS) = range(22, 25)
 # Sliding: on or not; its two modes; the place of the surface's guard among those of each
-(SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B) = range(26, 31)
+(SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B) = range(25, 30)
 # Settings. OWN_SIZE: the tolerance of some state follows from its own size; UNSEEN: stages below it
 # may be missing in the error
 (STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER) = (
-    range(31, 42)
+    range(30, 41)
 )
-(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS) = range(42, 50)
-(OWN_SIZE, KINKS, UNSEEN, LANES) = range(50, 54)
+(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS) = range(41, 49)
+(OWN_SIZE, KINKS, UNSEEN, LANES) = range(49, 53)
 # Which lane is under way, and whether it has begun
-LANE, BEGUN = 54, 55
+LANE, BEGUN = 53, 54
 # The next place where a table of the time bends; steps refused because a guard does too much in
 # them
-KINK, WILD = 56, 57
-INTEGERS = 58
+KINK, WILD = 55, 56
+INTEGERS = 57
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:
 # what is due up to here is due now; LATER, GONE, GONE_T: how a guard
 # leaves zero (leaving);
-# LAMBDA: h·|λ| of the last step (stiffness); STREAK_H: the step that a streak of refusals began
-# with;
+# LAMBDA: h·|λ| of the last step (stiffness); RECENT: how long the last steps were;
 # TURN: −1 where the surface's guard crossed downwards
 (T, H, T_END, RTOL, MAX_STEP, T0, EVENT_T, ZENO_T, PROBE) = range(9)
-(BEFORE, UNTIL, LATER, GONE, LAMBDA, STREAK_H, JUMP_T, TURN, GONE_T) = range(9, 18)
-# SPEED, BAND: of the guard whose body rests (stopped); BLUR: how far the clock has just been moved
-# on;
+(BEFORE, UNTIL, LATER, GONE, LAMBDA, RECENT, JUMP_T, TURN, GONE_T) = range(9, 18)
+# BAND: below which size the guard whose body rests is zero; BLUR: how far the clock has just been
+# moved on;
 # CAP: a longer step would step over what a guard does
 # GAP: time between the last two events; MIXED: how well λ is known while sliding
-(SPEED, BAND, BLUR, CAP, GAP, MIXED) = range(18, 24)
-FLOATS = 24
+(BAND, BLUR, CAP, GAP, MIXED) = range(18, 23)
+FLOATS = 23
 # What is kept of a lane that is done, in w.done: why it ended, the last transition, where its
 # samples
 # end, its work, places where its flow seemed to jump

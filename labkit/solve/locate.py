@@ -22,6 +22,9 @@ from .step import evaluate
 #: The Lebesgue constant of nine Chebyshev points is 2.24 (fewer have less): bounds a polynomial by
 #: its values there.
 LEBESGUE = 2.3
+#: Slopes of what is left out of a polynomial of this degree are at most so many times larger
+#: (Markov: twice the degree's square).
+STRAYS = 128.0
 
 
 def guard_at(model, w, p, mode, n, t, h, theta, k):
@@ -99,6 +102,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
     depth, looks = 1, 0
     # How well the guard is known, and where: asked for when it matters
     own, own_a, own_b = -1.0, 2.0, 2.0
+    # What it was located with counts as zero, too, until it is clear of that
+    loose = 2.0 * w.slack[slot] if w.flat[slot] == 1 else 0.0
     w.near[k], w.quiet[k] = 1, 0
     while depth > 0:
         depth -= 1
@@ -111,6 +116,8 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
         else:
             for j in range(top + 3):
                 value[j] = guard_at(model, w, p, mode, n, t, h, a + width * w.node[j], k)
+        if value[0] * side > max(own, 0.0) + loose:
+            loose = 0.0
         largest, misfit = 0.0, 0.0
         for j in range(2):
             total = 0.0
@@ -140,22 +147,21 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
             hull[j] = total
             largest = max(largest, abs(total))
         nested = own_a <= a and b <= own_b and width > 0.125 * (own_b - own_a)
-        if not nested and (looks > 1 or flat or largest < 1e-9 * w.scale[slot]):
+        if not nested and (looks > 1 or w.flat[slot] == 1 or largest < 1e-9 * w.scale[slot]):
             own_a, own_b = a, b
             middle = a + width * w.node[top // 2]
             evaluate(w, n, middle, w.y_try)
             own = doubt(model, w, p, mode, n, t + middle * h, w.y_try, k, value[top // 2])
-            if w.flat[slot] == 1:
-                own += 2.0 * w.slack[slot]  # what it was located with still counts as zero
-        margin = max(4.0 * misfit + 8.0 * EPS * largest, own)
+        zero = own + loose
+        margin = max(4.0 * misfit + 8.0 * EPS * largest, zero)
         finest = looks > 400 or width <= (shortest if start else narrowest)
-        if largest <= own:  # zero all along, as far as it is known
+        if largest <= zero:  # zero all along, as far as it is known
             continue
         first = 0
         if start:
             hull[0] = 0.0
             first = 1
-            while first < top and abs(hull[first]) <= max(1e-12 * largest, own):
+            while first < top and abs(hull[first]) <= max(1e-12 * largest, zero):
                 hull[first] = 0.0
                 first += 1
             if abs(hull[first]) > margin and (hull[first] > 0.0) != (side > 0) and not finest:
@@ -185,7 +191,10 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 doubtful += 1
         if changes == 0 and (doubtful == 0 or finest):
             continue
-        if changes == 1 and abs(hull[first]) > margin and abs(hull[top]) > margin:
+        # Where the guard strays from its polynomial it may cross more than once: one root of that
+        # is one root of the guard only if both ends are far beyond what it strays by
+        sure = max(margin, STRAYS * misfit) if misfit > max(zero, 8.0 * EPS * largest) else margin
+        if changes == 1 and abs(hull[first]) > sure and abs(hull[top]) > sure:
             if sign < 0 and directed:
                 side, w.quiet[k] = sign, 1
                 continue
@@ -195,19 +204,23 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 theta = refine(model, w, p, mode, n, t, h, k, a, value[0], b, value[top])
             w.turn[k] = sign
             return theta
-        if looks > 400 and w.i[ADAPTIVE] == 1 and w.i[WILD] < MOST_WILD:
+        if looks > 400 and misfit > zero and w.i[ADAPTIVE] == 1 and w.i[WILD] < MOST_WILD:
             w.i[WILD] += 1
             return -3.0
         if finest:  # rounding rules here: believe the samples
             for j in range(1, top + 1):
-                if value[j] * side < 0.0 and abs(value[j]) > own:
+                if value[j] * side < 0.0 and abs(value[j]) > zero:
+                    last = j - 1  # the last sample before it that is not beyond, if there is one
+                    while last > 0 and value[last] * side < 0.0:
+                        last -= 1
+                    if value[last] * side < 0.0:
+                        last = j - 1
                     side = -side
                     if side > 0 or not directed:
                         w.turn[k] = side
-                        one, two = a + width * w.node[j - 1], a + width * w.node[j]
-                        return refine(
-                            model, w, p, mode, n, t, h, k, one, value[j - 1], two, value[j]
-                        )
+                        one, two = a + width * w.node[last], a + width * w.node[last + 1]
+                        fa, fb = value[last], value[last + 1]
+                        return refine(model, w, p, mode, n, t, h, k, one, fa, two, fb)
                     w.quiet[k] = 1
             continue
         middle = 0.5 * (a + b)

@@ -65,9 +65,20 @@ class SciPyStep:
         mine = self._polynomial(self.solver.dense_output(), np.array(w.y[:n]), t, length)
         for row, values in zip(w.poly, mine, strict=True):
             row[:n] = values.tolist()
+        if length < 1e-3 * w.f[core.RECENT]:  # for `jumps_within`
+            stages = [self._rates_at(mine, length, theta) for theta in (0.3, 0.8, 1.0)]
+            for row, rates in zip(w.k, [self._slope(t, mine[0]), *stages], strict=False):
+                row[:n] = rates.tolist()
+            for stage in range(4, w.i[core.STAGES] + 1):
+                w.k[stage][:n] = w.k[3][:n]
         w.i[core.FLOWS] += self.solver.nfev - before
         w.y_new[:n] = self.solver.y.tolist()
         return length
+
+    def _rates_at(self, polynomial: np.ndarray, length: float, theta: float) -> np.ndarray:
+        """The flow at a place within the step."""
+        y = theta ** np.arange(len(polynomial)) @ polynomial
+        return np.asarray(self.solver.fun(self.solver.t - (1 - theta) * length, y), dtype=float)
 
     def _step(self, w: core.Workspace) -> bool:
         """One step of SciPy's; False if it cannot be used."""
@@ -144,10 +155,17 @@ class SciPyStep:
         h = max(w.f[core.H], 1e-3 * (w.f[core.T_END] - t))
         core.feel(self.model, w, p, mode, n, t)
         self.sizes = list(w.size_of)
-        # a state at rest at zero has no size: any tolerance does
-        return [
-            core.allowed(w, mode, i, 0.0, h)
-            if w.size_of[w.kind[mode][i]] or w.k[0][i]
-            else 0.01 * w.f[core.RTOL]
-            for i in range(n)
-        ]
+        # Their steps are rounded to the clock, which moves a state by ε·|t|·|rate|: not finer
+        tick, terms = 8.0 * core.EPS * abs(t), w.terms[mode]
+        found = []
+        for i in range(n):
+            size, rate = w.size_of[w.kind[mode][i]], w.k[0][i]
+            if not size and not rate:  # at rest at zero it has no size: any tolerance does
+                found.append(0.01 * w.f[core.RTOL])
+                continue
+            most = core.allowed(w, mode, i, 0.0, h)
+            if size:  # a rough guess of how far it moves may double its size, not more
+                known = 2.0 * core.allowed(w, mode, i, 0.0, 0.0)
+                most = min(most, max(known, core.allowed(w, mode, i, 0.0, w.f[core.H])))
+            found.append(max(most, tick * max(terms[i], abs(rate))))
+        return found

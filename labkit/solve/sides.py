@@ -16,7 +16,7 @@ whose side has changed waits for its transition to act (w.wait). Its slot is its
 from math import isfinite
 
 from .layout import *
-from .sliding import rates, watch, watch_count, watched
+from .sliding import kept_state, rates, watch, watch_count, watched
 
 SHAKE = 9.5367431640625e-07  # 2⁻²⁰
 DOUBT = 64.0  # roundings: what a guard's terms are off by after some steps
@@ -283,9 +283,14 @@ def sides(model, w, p, how, fired):
             steep = w.swing[slot]
             if how == ENTERED or how == START:
                 steep = steepest(model, w, p, n, slot)
-            if abs(value) <= tick * steep and abs(value) <= tick * abs(
-                slope_ahead(model, w, p, mode, n, t, k)
-            ):
+            reach = tick * steep
+            if abs(value) <= reach:
+                reach = tick * abs(slope_ahead(model, w, p, mode, n, t, k))
+            if how == START and tick > 0.0:  # where its slope is zero, too
+                know_flow(model, w, p)
+                look(model, w, p, mode, n, t, tick, 2, w.g_look)
+                reach = max(reach, abs(w.g_look[k] - value))
+            if abs(value) <= reach:
                 clear = False
                 w.slack[slot] = abs(value)
                 band += 2.0 * abs(value)
@@ -308,7 +313,7 @@ def sides(model, w, p, how, fired):
         if how == ENTERED:
             beyond = directed and now > 0
             turned = 0
-            if not clear and (not directed or urgent == NO):
+            if not clear and not directed:
                 turned = turned_back(model, w, p, mode, n, t, k, band, now)
             if w.wait[slot] == 1:  # it leaves the mode before, too
                 w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
@@ -316,10 +321,9 @@ def sides(model, w, p, how, fired):
                 # one that the mode before had, too, and that has acted at this instant, is not
                 # beyond anew
                 acted = w.came[slot] >= 2 and was > 0 and left_before(w, q)
-                if directed and urgent != NO:
-                    w.wait[slot] = 1 if beyond and not acted else 0
-                else:
-                    w.wait[slot] = 1 if turned == 1 and (now > 0 or not directed) else 0
+                w.wait[slot] = turned
+                if beyond and urgent != NO and not acted:
+                    w.wait[slot] = 1
         elif how == START:
             if directed and now > 0:
                 if clear and urgent == REFUSE:
@@ -359,13 +363,9 @@ def turned_back(model, w, p, mode, n, t, k, band, now):
 
     It has the far side of the arrival: the sign of its slope along the flow of the mode before.
     """
-    line = w.ledger[w.i[LEDGER] - 1]
-    before = int(line[3])
-    if before < 0 or w.size[before] != n:
+    before = int(w.ledger[w.i[LEDGER] - 1][3])
+    if before < 0 or w.size[before] != n or kept_state(w, n) == 0:
         return 0
-    for i in range(n):
-        if abs(line[5 + i] - w.y[i]) > 64.0 * EPS * w.most[i]:
-            return 0
     flow(model, before, t, w.y, p, w.ahead[1])
     w.i[FLOWS] += 1
     e = nearby(w, t)
@@ -383,21 +383,25 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     """A guard is beyond its surface after its own reset: does the body rest there (1), or pass
     through (0)?
 
-    It rests if it came with a speed that the reset has taken away. It also does if the flow it came
-    by says that it did not come at all: then the method's error decides, not the flight.
+    It passes if it moves on by its slope in the direction in which it came, or if the reset has
+    left its motion as it was (a counter, where the slope is zero). Else the reset has turned it or
+    taken its speed, and what carries it beyond is too early to be told from rest; or the flow it
+    came by says that it did not come at all: then the method's error decides, not the flight.
     """
-    w.f[SPEED] = 0.0
-    if w.came[slot] != 2 and order != 1 and order != -1:  # not by the flow
+    by_slope = order == 1 or order == -1
+    if w.came[slot] != 2 and not by_slope:  # not by the flow
         return 1
     line = w.ledger[w.i[LEDGER] - 1]
-    e = w.f[GONE_T] if order == 1 or order == -1 else 0.125 * w.f[GONE_T]
+    e = w.f[GONE_T] if by_slope else 0.125 * w.f[GONE_T]
+    far = 1.0 if order > 0 else -1.0
+    straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
+    after = far * w.g_away[k]
     for i in range(n):
         w.y_shake[i] = line[5 + i]
     rates(model, w, mode, n, t, w.y_shake, p, w.ahead[1])
     straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     w.i[FLOWS] += 1
-    moved = w.g_away[k]
-    w.f[SPEED] = abs(moved) / e
-    if order == 1 or order == -1:
-        return 1 if moved * order < 0.0 else 0
-    return 1 if 8.0 * abs(moved) > 0.1 * w.f[GONE] else 0
+    before = far * w.g_away[k]
+    if by_slope:
+        return 1 if before < 0.0 else 0
+    return 0 if after == before or after > 0.1 * abs(before) else 1

@@ -16,6 +16,8 @@ not.
 
 from .layout import *
 
+KEPT = 64.0 * EPS  # of a state's size: it has not jumped
+
 
 def slope(model, w, p, n, t, y, rate):
     """dγ/dt of the surface's guard along a flow."""
@@ -107,10 +109,10 @@ def begin_sliding(model, w, p, second):
     if surface < 0 or place < 0:  # a schedule brought it here, or takes it away
         return 0
     reset(model, second, mode, t, w.y, p, w.y_new)
+    if kept_state(w, n) == 0:
+        return 0
     for i in range(n):
-        within = 64.0 * EPS * w.most[i]
-        was = w.ledger[line][5 + i]
-        if abs(was - w.y[i]) > within or abs(w.y_new[i] - w.y[i]) > within:
+        if abs(w.y_new[i] - w.y[i]) > KEPT * w.most[i]:
             return 0
     if same_surface(model, w, p, n, t, before, surface, mode, place) == 0:
         return 0
@@ -134,6 +136,15 @@ def begin_sliding(model, w, p, second):
     if not a > b:
         return 0
     w.i[SLIDING] = 1
+    return 1
+
+
+def kept_state(w, n):
+    """Has the last event left the state as it was, but for rounding (1)?"""
+    line = w.ledger[w.i[LEDGER] - 1]
+    for i in range(n):
+        if abs(line[5 + i] - w.y[i]) > KEPT * w.most[i]:
+            return 0
     return 1
 
 

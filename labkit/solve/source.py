@@ -22,13 +22,15 @@ from typing import Any
 import numpy as np
 
 from ..model import System, Transition
+from .calls import bind, underlying
 from .checked import CHECKED
 from .kinds import FLOAT, OF_NUMPY, Const, Items, Number, Other, Record, Table, Unfit, join, number
 from .opaque import Opaque
+from .pieces import Piece, as_float, counted, literal
 from .plain import orientations
 from .reads import Reads
 from .syntax import tree
-from .translate import Body, Piece, as_float, bind, counted, literal, underlying
+from .translate import Body
 
 FLOW, GUARDS, RESET = range(3)  # the reset that leaves mode m is RESET + m
 FAILED = 1_000_000

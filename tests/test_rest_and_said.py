@@ -1,0 +1,209 @@
+"""Bodies at rest whatever their guard looks like, roots that are told from rounding, and what a run
+says of the things that it cannot do.
+"""
+
+import math
+import random
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from labkit import At, Ended, Mode, System, Transition, simulate
+
+from .coincidences import bodies, contacts, floors, linear, restarts
+
+BOTH = ("plain", "compiled")
+FLOORS = {
+    "round": lambda t, s, p: math.hypot(s.x, s.y + p.R) - p.R,
+    "square": lambda t, s, p: s.x**2 + (s.y + p.R) ** 2 - p.R**2,
+    "cube": lambda t, s, p: s.y**3,
+    "flat": lambda t, s, p: 1 - math.cos(s.y) if s.y > 0 else -1 + math.cos(s.y),
+}
+
+
+@pytest.mark.parametrize("name", FLOORS)
+@pytest.mark.parametrize("method", ["DOP853", "RK45"])
+def test_a_ball_rests_on_a_floor_whose_guard_has_no_slope_or_large_constants(name, method):
+    system = System(
+        "ball on a round floor",
+        {"x": "m", "y": "m", "v": "m/s"},
+        {"R": 0.1, "e": 0.7, "g": 9.81},
+        [
+            Mode("fly", lambda t, s, p: (0.0, s.v, -p.g)),
+            Mode("rest", lambda t, s, p: (0.0, 0.0, 0.0)),
+        ],
+        [
+            Transition(
+                "fly", "fly", guard=FLOORS[name], direction=-1, zeno="rest",
+                reset={"v": lambda t, s, p: -p.e * s.v},
+            )
+        ],
+        {"x": 0.0, "y": 1.0, "v": 0.0},
+    )  # fmt: skip
+    for e in (0.1, 0.7, 0.9):
+        run = simulate(system, 20.0, method=method, backend="plain", e=e, max_steps=20_000)
+        rest = math.sqrt(2 / 9.81) * (1 + 2 * e / (1 - e))
+        assert run.stopped == "finished" and run.mode[-1] == "rest"
+        assert abs(run.final["y"]) < 1e-4
+        assert run.events[-1].t == pytest.approx(rest, abs=1e-2)
+
+
+#: kind, seed and method of cases that went wrong once, each for a reason of its own
+ONCE = [
+    (bodies, 107, "RK4"),  # a guard located at 1e-17 counted again one step later
+    (contacts, 124, "DOP853"),  # a guard within its own rounding taken for one that runs wild
+    (contacts, 164, "RK45"),  # one root of a polynomial, three of the guard
+    (floors, 119, "BDF"),  # a tolerance finer than the clock
+    (restarts, 116, "RK45"),  # 1e-34 beyond a surface, and no slope
+    (linear, 7, "RK4"),  # urgent=False fires by a crossing along the flow only
+]
+
+
+@pytest.mark.parametrize("kind, seed, method", ONCE, ids=lambda it: getattr(it, "__name__", it))
+def test_coincidences_that_were_wrong_once(kind, seed, method):
+    case = kind.generate(random.Random(seed))
+    assert kind.check(case, "plain", method) == []
+
+
+def test_a_body_sent_back_so_slowly_that_the_clock_cannot_tell_rests():
+    """An impact far slower than the flights before it."""
+    case = floors.Case(0.0, 2.22, 4.66, 0.8, 3e5, "rest")
+    for method in ("BDF", "LSODA", "Radau"):
+        assert floors.check(case, "plain", method) == []
+
+
+def test_stiff_kinetics_to_the_end_by_the_default_tolerance():
+    """Robertson 1966; the value at 1e11 after the Test Set for IVP Solvers."""
+    system = System(
+        "Robertson", {"a": "", "b": "", "c": ""}, {},
+        [
+            Mode(
+                "only",
+                lambda t, s, p: (
+                    -0.04 * s.a + 1e4 * s.b * s.c,
+                    0.04 * s.a - 1e4 * s.b * s.c - 3e7 * s.b * s.b,
+                    3e7 * s.b * s.b,
+                ),
+            )
+        ],
+        [], {"a": 1.0, "b": 0.0, "c": 0.0},
+    )  # fmt: skip
+    for method in ("Radau", "BDF"):
+        run = simulate(system, 1e11, method=method, backend="plain")
+        assert run.stopped == "finished"
+        assert run.final["a"] == pytest.approx(2.0833401497e-8, rel=1e-2)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA", "BDF"])
+def test_every_method_names_a_jump_hidden_in_a_flow(method):
+    pulse = System(
+        "pulse", {"x": ""}, {}, [Mode("m", lambda t, s, p: (1.0 if t % 1.0 < 0.3 else 0.0,))],
+        [], {"x": 0.0},
+    )  # fmt: skip
+    run = simulate(pulse, 10.0, backend="plain", method=method)
+    assert run.notes[0].startswith("the flow seems to jump near t = 0.3")
+    steep = System(
+        "logistic", {"x": ""}, {}, [Mode("m", lambda t, s, p: (40 * s.x * (1 - s.x),))],
+        [], {"x": 1e-6},
+    )  # fmt: skip
+    assert simulate(steep, 10.0, backend="plain", method=method).notes == []
+
+
+def test_a_state_that_grows_from_below_its_tolerance_is_named():
+    there_and_back = System(
+        "decay and growth",
+        {"x": ""},
+        {},
+        [Mode("decay", lambda t, s, p: (-s.x,)), Mode("growth", lambda t, s, p: (s.x,))],
+        [Transition("decay", "growth", at=At(30.0))],
+        {"x": 1.0},
+    )
+    for method in ("DOP853", "RK45"):
+        run = simulate(there_and_back, 60.0, backend="plain", method=method)
+        assert run.notes[0].startswith("x fell below its tolerance, 1e-10, and grew again")
+        exact = simulate(there_and_back, 60.0, backend="plain", method=method, atol={"x": 0.0})
+        assert exact.notes == [] and exact.final["x"] == pytest.approx(1, rel=1e-6)
+
+
+def test_a_state_that_is_driven_or_dies_out_is_not():
+    def chain(t, s, p):
+        return 1.0 - s.a, s.a - s.b, s.b - s.c, s.c - s.d
+
+    names = dict.fromkeys("abcd", "")
+    tanks = System("tanks", names, {}, [Mode("m", chain)], [], dict.fromkeys("abcd", 0.0))
+    dying = System(
+        "dying", {"x": "", "v": ""}, {}, [Mode("m", lambda t, s, p: (-s.x, s.x - 2 * s.v))],
+        [], {"x": 1.0, "v": 0.0},
+    )  # fmt: skip
+    for system in (tanks, dying):
+        assert simulate(system, 60.0, backend="plain").notes == []
+
+
+def test_sliding_on_two_surfaces_at_once_names_both():
+    def to(source, target, guard, direction, label):
+        return Transition(source, target, guard=guard, direction=direction, label=label)
+
+    x, y = (lambda t, s, p: s.x), (lambda t, s, p: s.y)
+    corner = System(
+        "corner",
+        {"x": "", "y": ""},
+        {},
+        [
+            Mode("pp", lambda t, s, p: (-1.0, -1.0)),
+            Mode("pm", lambda t, s, p: (-1.0, 1.0)),
+            Mode("mp", lambda t, s, p: (1.0, -1.0)),
+            Mode("mm", lambda t, s, p: (1.0, 1.0)),
+        ],
+        [
+            to("pp", "mp", x, -1, "x falls"),
+            to("mp", "pp", x, 1, "x rises"),
+            to("pm", "mm", x, -1, "x falls, y < 0"),
+            to("mm", "pm", x, 1, "x rises, y < 0"),
+            to("pp", "pm", y, -1, "y falls"),
+            to("pm", "pp", y, 1, "y rises"),
+            to("mp", "mm", y, -1, "y falls, x < 0"),
+            to("mm", "mp", y, 1, "y rises, x < 0"),
+        ],
+        {"x": 1.0, "y": 2.0},
+    )
+    run = simulate(corner, 5.0, backend="plain")
+    assert run.ended is Ended.LOOP and run.t[-1] == pytest.approx(2.0)
+    assert "slides on two surfaces at once" in run.stopped
+    assert '"x ' in run.stopped and '"y ' in run.stopped
+
+
+def test_powers_to_the_last_bit():
+    """x**2 is not x*x in one of a thousand cases, x**3 not x*x*x in one of four."""
+    powers = System(
+        "powers",
+        {"a": "", "b": "", "c": "", "d": ""},
+        {},
+        [
+            Mode(
+                "m", lambda t, s, p: (-(s.a**2), -(s.b**3), -(abs(s.c) ** 4), -(s.d**-1) * s.a**0.5)
+            )
+        ],
+        [],
+        dict(a=1.0, b=1.1, c=0.9, d=3.0),
+    )
+    one, two = (simulate(powers, 2.0, backend=b, points=400) for b in BOTH)
+    assert two.work.backend == "compiled" and np.array_equal(one.values, two.values)
+
+
+def test_urgent_false_with_a_direction_waits_on_entering():
+    """Zero on entering, and the new flow goes beyond: that is no crossing along the flow."""
+    half = Fraction(1, 2)
+    system = System(
+        "two modes",
+        {"x": ""},
+        {},
+        [Mode("a", lambda t, s, p: (-1.0,)), Mode("b", lambda t, s, p: (1.0,))],
+        [
+            Transition("a", "b", at=At(float(half))),
+            Transition("b", "a", guard=lambda t, s, p: s.x, direction=1, urgent=False),
+        ],
+        {"x": float(half)},
+    )
+    run = simulate(system, 2.0, backend="plain")
+    assert [event.t for event in run.events] == [0.5] and run.final["x"] == pytest.approx(1.5)
