@@ -266,22 +266,50 @@ def patient():
 def test_09_the_curve_after_a_drink(patient):
     A, b = affine(patient["system"])
     assert pytest.approx(np.array([[-1.5, 2.0], [-2.125, -0.5]])) == A and b == pytest.approx(
-        [-8.5, 4.625]
+        [-7.0, 6.75]
     )
     fine = patient["fine"]
-    s1 = 1 + 5 * np.exp(-fine.t) * np.sin(2 * fine.t)
+    s1 = 2 + 5 * np.exp(-fine.t) * np.sin(2 * fine.t)
     s2 = 5 + 5 * np.exp(-fine.t) * (np.cos(2 * fine.t) + 0.25 * np.sin(2 * fine.t))
     assert fine["s1"] == pytest.approx(s1, abs=1e-8) and fine["s2"] == pytest.approx(s2, abs=1e-8)
     assert patient["t_sugar"][0] == pytest.approx(
         (np.pi - np.arctan(2 / 9)) / 2, abs=1e-5
     ) and patient["sugar"][0] == pytest.approx(s2.min(), abs=1e-5)
+    assert patient["dip"] == pytest.approx(5 - s2.min(), abs=1e-5)
+
+
+def test_09_any_person_is_a_shear_of_the_canonical_form(patient):
+    system, rng = patient["system"], np.random.default_rng(3)
+    for _ in range(50):
+        p = system.values(
+            {
+                name: rng.uniform(each.low, each.high)
+                for name, each in system.parameters.items()
+                if name in "cred"
+            }
+        )
+        A, _ = affine(system, p)
+        Lambda, (S, inverse) = patient["parts"](p)
+        assert S @ Lambda @ inverse == pytest.approx(A) and np.linalg.det(S) == pytest.approx(1)
+        assert np.trace(S) == pytest.approx(2)  # so that (S − E)² = 0
+        assert classify(A) == "stable spiral point"
 
 
 @pytest.mark.parametrize("k", [-1.0, 0.0, 0.25, 2.0])
 def test_09_period_and_decrement_are_the_eigenvalues_and_the_lag_is_the_shear(patient, k):
-    fine = simulate(patient["system"], 6.0, k=k, points=6001, rtol=1e-10, atol=1e-12)
-    (t1, y1), (t2, y2) = (patient["extremes"](fine.t, fine[name]) for name in ("s1", "s2"))
-    for t, y in ((t1, y1 - 1), (t2, y2 - 5)):
+    fine = simulate(
+        patient["system_two"],
+        6.0,
+        start={"y1": 0.0, "y2": 5.0},
+        u1=0.0,
+        u2=1.0,
+        k=k,
+        points=6001,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    (t1, y1), (t2, y2) = (patient["extremes"](fine.t, fine[name]) for name in ("y1", "y2"))
+    for t, y in ((t1, y1), (t2, y2)):
         assert np.diff(t)[:2] == pytest.approx(np.pi / 2, abs=1e-4) and (y[1:] / y[:-1])[
             :2
         ] == pytest.approx(-np.exp(-np.pi / 2), abs=1e-4)
@@ -292,7 +320,8 @@ def test_09_period_and_decrement_are_the_eigenvalues_and_the_lag_is_the_shear(pa
 def test_09_the_matrix_from_samples_and_the_wrong_one_from_rare_samples(patient):
     A, identify, samples = patient["A"], patient["identify"], patient["samples"]
     found, rest = identify(samples(0.5, 8), 0.5)
-    assert found == pytest.approx(A, abs=1e-9) and rest == pytest.approx([1, 5])
+    assert found == pytest.approx(A, abs=1e-9) and rest == pytest.approx([2, 5])
+    assert patient["good"] == ["no", "yes"]
     wrong, rest = identify(samples(2.0, 10), 2.0)
     assert (
         np.linalg.eigvals(wrong).imag.max() == pytest.approx(np.pi - 2, abs=1e-6)
@@ -308,24 +337,23 @@ def test_09_the_matrix_from_samples_and_the_wrong_one_from_rare_samples(patient)
 
 
 def test_09_euler_makes_a_healthy_patient_ill(patient):
+    assert patient["edge"] == pytest.approx(0.4)
     for h, stable in ((0.39, True), (0.41, False)):
         run = simulate(patient["system"], 200 * h, method="Euler", step=h, points=2)
-        z = patient["S_inverse"] @ (np.array(list(run.final.values())) - (1, 5))
+        z = patient["S_inverse"] @ (np.array(list(run.final.values())) - (2, 5))
         assert (np.hypot(*z) < 5) == stable and np.hypot(*z) == pytest.approx(
             5 * abs(1 + h * (-1 + 2j)) ** 200, rel=1e-6
         )
 
 
 def test_09_answers_to_the_tasks(patient):
-    system = patient["system"]
-    assert affine(system, system.values({"k": 0.5}))[0][1, 1] == pytest.approx(0)
-    ill = simulate(system, 8.0, alpha=-0.5, beta=1.2, points=8001)
-    assert ill["s2"].min() == pytest.approx(3.632, abs=1e-3) and ill.t[
-        ill["s2"].argmin()
-    ] == pytest.approx(2.493, abs=2e-3)
-    for k, grows in ((0.485, False), (0.487, True)):
-        M = affine(system, system.values({"k": k}))[0]
-        assert bool(np.linalg.eigvalsh(M + M.T)[-1] > 0) == grows
+    found = patient["solutions"]
+    assert found["k"] == pytest.approx(0.5)
+    assert found["natural"] == pytest.approx(2 * np.pi / 1.3)
+    assert found["lowest"] == pytest.approx(3.632, abs=1e-3)
+    assert found["star"] == pytest.approx(np.pi)
+    k = found["grows"]  # the largest eigenvalue of (A + Aᵀ)/2 is α + β k √(k² + 4)/2
+    assert k * np.sqrt(k * k + 4) == pytest.approx(1.0)
     h, alpha, beta = 0.4, -1.0, 2.0  # task 5, on the sugar alone
     g = patient["samples"](h, 6)[:, 1] - 5
     assert g[2:] == pytest.approx(
