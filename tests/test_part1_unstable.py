@@ -178,36 +178,30 @@ def oscillator():
 
 
 def test_10_the_design_is_the_circuit(oscillator):
-    A, b = affine(oscillator["system"])
+    system = oscillator["system"]
+    A, b = affine(system)
     assert pytest.approx(
         np.array([[-0.4 / 1.0, 1 / 1.0], [-1 / 0.8, 0.48 / 0.8]])
     ) == A and b == pytest.approx([0, 0.808 / 0.8])
-    assert pytest.approx(affine(oscillator["circuit"])[0]) == A and np.linalg.eigvals(
-        A
-    ).real == pytest.approx([0.1, 0.1])
+    assert np.linalg.eigvals(A).real == pytest.approx([0.1, 0.1])
     for g, kind in (
         (0.319, "stable spiral point"),
         (0.32, "centre"),
         (0.321, "unstable spiral point"),
     ):
-        assert (
-            classify(affine(oscillator["circuit"], oscillator["circuit"].values({"g": g}))[0])
-            == kind
-        )
+        assert classify(affine(system, system.values({"g": g}))[0]) == kind
+    other, p = oscillator["system_two"], {"u1": 1.0, "u2": 0.0, "d": -0.2, "k": -0.4}
+    assert affine(other, other.values(p))[0] == pytest.approx(A)
 
 
 def test_10_growth_and_frequency_are_those_of_a_neighbouring_system(oscillator):
-    for _, _, growth, theory, frequency, turning in oscillator["rows"]:
-        assert float(growth) == pytest.approx(float(theory), abs=2e-8) and float(
-            frequency
-        ) == pytest.approx(float(turning), abs=2e-8)
-    assert oscillator["rate"] == pytest.approx(0.1, abs=1e-7) and oscillator[
-        "frequency"
-    ] == pytest.approx(1, abs=1e-7)
+    rows = oscillator["neighbours"]
+    for _, _, growth, theory, frequency, turning in rows:
+        assert growth == pytest.approx(theory, abs=2e-8)
+        assert frequency == pytest.approx(turning, abs=2e-8)
+    assert oscillator["measured"](oscillator["run"]) == pytest.approx((0.1, 1.0), abs=1e-7)
     h, lam = 0.1, 0.1 + 1j  # Euler by hand: |1 + hλ|
-    assert float(oscillator["rows"][0][2]) == pytest.approx(
-        np.log((1 + h * 0.1) ** 2 + h * h) / (2 * h), abs=1e-8
-    )
+    assert rows[0][2] == pytest.approx(np.log((1 + h * 0.1) ** 2 + h * h) / (2 * h), abs=1e-8)
     assert abs(np.log(1 + h * lam) / h - (lam - h * lam**2 / 2)) < 0.4 * h**2
 
 
@@ -216,43 +210,60 @@ def test_10_ghosts(oscillator):
 
     In runs, not only in formulas.
     """
-    circuit = oscillator["circuit"]
-    euler = simulate(circuit, 100.0, g=0.30, method="Euler", step=0.1)
-    truth = simulate(circuit, 100.0, g=0.30)
+    assert oscillator["starts"] == ["yes", "no"]
+    system, beside = oscillator["system"], {"i": 0.05, "v": 0.0}
+    euler = simulate(system, 100.0, start=beside, g=0.30, I0=0.0, method="Euler", step=0.1)
+    truth = simulate(system, 100.0, start=beside, g=0.30, I0=0.0)
     assert (
         np.abs(euler["v"][-100:]).max() > 20 * np.abs(euler["v"][:100]).max()
         and np.abs(truth["v"][-100:]).max() < np.abs(truth["v"][:100]).max()
     )
-    A, _ = affine(circuit, circuit.values({"g": 0.36}))
+    A, _ = affine(system, system.values({"g": 0.36}))
     y, step = np.array([0.05, 0.0]), np.linalg.inv(np.eye(2) - 0.1 * A)
     for _ in range(1000):
         y = step @ y
     assert np.hypot(*y) < 0.01 and oscillator["alpha_of"](0.36) == pytest.approx(0.025)
-    limit = 2 * 0.0125 / 1.1  # task 2
+    limit = oscillator["solutions"]["step"]
+    assert limit == pytest.approx(2 * 0.0125 / 1.1)
     for factor, grows in ((0.97, False), (1.03, True)):
-        run = simulate(circuit, 4000.0, g=0.30, method="Euler", step=factor * limit, points=20_001)
+        run = simulate(
+            system,
+            4000.0,
+            start=beside,
+            g=0.30,
+            I0=0.0,
+            method="Euler",
+            step=factor * limit,
+            points=20_001,
+        )
         assert (np.abs(run["v"][-500:]).max() > np.abs(run["v"][:500]).max()) == grows
 
 
+def test_10_a_run_ends_where_the_supply_is_used_up(oscillator):
+    run = simulate(oscillator["system"], 200.0)
+    assert run.events[-1].transition == "supply used up"
+    assert np.abs(run["v"]).max() == pytest.approx(12.0, rel=1e-8)
+
+
 def test_10_a_stretch_below_minus_one_turns_the_sense(oscillator):
-    system = oscillator["system"]
-    one, other = (
-        affine(system, system.values(values))[0] for values in ({}, {"d": -1.8, "k": 0.4})
-    )
+    one, other = oscillator["A"], oscillator["A_over"]
     assert one[1, 0] < 0 < other[1, 0] and other == pytest.approx(
         np.array([[-0.4, -1], [1.25, 0.6]])
     )
     assert np.trace(one) == pytest.approx(np.trace(other)) and np.linalg.det(one) == pytest.approx(
         np.linalg.det(other)
     )
+    assert np.linalg.det(oscillator["over"].S) == pytest.approx(-0.8)
 
 
 def test_10_answers_to_the_tasks(oscillator):
     M = np.array([[-0.4, 1.0], [-1.25, 0.336 / 0.8]])
     lam = np.linalg.eigvals(M)[0]
     assert (lam.real, abs(lam.imag)) == pytest.approx((0.01, 1.040), abs=5e-4)
-    assert np.log(1e6) / lam.real * abs(lam.imag) / (2 * np.pi) == pytest.approx(229, abs=0.6)
-    assert np.trace(np.array([[-0.4, 1.0], [-1 / 1.2, 0.48 / 1.2]])) == pytest.approx(0)
+    found = oscillator["solutions"]
+    assert found["turns"] == pytest.approx(229, abs=0.6)
+    assert found["C"] == pytest.approx(1.2)
+    assert oscillator["threshold"] == pytest.approx(0.32)
 
 
 # ---- 9: stable spiral by matrix A
