@@ -13,7 +13,6 @@ LATER = {
     "labkit/panel.py",
     "tests/test_bare.py",
     "tests/test_browser.py",
-    "tests/test_concept_linear_systems.py",
     "tests/test_concept_solvers_and_tolerances.py",
     "tests/test_panel.py",
     "tests/test_part3_dc_dc_converter.py",
