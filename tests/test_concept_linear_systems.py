@@ -315,7 +315,7 @@ RIGHT = {
     "my_step": 1 / 4.25,  # −2α/|λ|²
     "my_type": "stable node",
     "my_total": 10.0,  # b/ε
-    "my_saddles": 0.5,
+    "my_spirals": 23 / 72,  # 1 − P(real) for entries uniform in −1 … 1
 }
 WRONG = {
     "my_same": [True, True, True, True],
@@ -332,7 +332,7 @@ WRONG = {
     "my_step": 0.5,
     "my_type": "degenerate (line of equilibria)",
     "my_total": 5.0,
-    "my_saddles": 0.25,
+    "my_spirals": 1 - 2**-0.5,  # the normal distribution's
 }
 
 
