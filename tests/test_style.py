@@ -14,7 +14,6 @@ LATER = {
     "tests/test_bare.py",
     "tests/test_browser.py",
     "tests/test_concept_linear_systems.py",
-    "tests/test_concept_solvers_and_tolerances.py",
     "tests/test_panel.py",
     "tests/test_part3_dc_dc_converter.py",
     "tests/test_sample_dry_friction.py",
