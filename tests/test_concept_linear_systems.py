@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from labkit import affine, borders, classify, explore, simulate
+from labkit import ModelError, affine, borders, classify, equilibrium, explore, simulate
 from labkit.draw import arrow_heads, flow_lines
 
 from .helpers import code_cells, load, read, source
@@ -296,6 +296,11 @@ def test_two_tanks_against_the_closed_form(names):
     assert run["x"] - run["y"] == pytest.approx(
         b / (2 * k) + (3 - b / (2 * k)) * np.exp(-2 * k * run.t), abs=1e-9
     )
+
+
+def test_the_sentence_on_the_tanks_names_the_line_at_rest(names):
+    with pytest.raises(ModelError, match=r"line through \(0, 0\) along it is at rest"):
+        equilibrium(*affine(names["tanks"]))
 
 
 # ---- what the reader answers
