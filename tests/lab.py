@@ -210,7 +210,8 @@ def run_all(page) -> None:
             const text = cell.querySelector('.cm-content');
             const prompt = cell.querySelector('.jp-InputPrompt');
             const empty = text && prompt && !text.textContent.trim();
-            return empty || /\\[\\d+\\]/.test(prompt?.textContent);
+            const folded = cell.querySelector('.jp-InputPlaceholder'); // it shows no number
+            return empty || folded || /\\[\\d+\\]/.test(prompt?.textContent);
         });
     }""",
         timeout=180_000,
