@@ -136,37 +136,47 @@ def test_11_a_mirrored_node_is_a_turned_node(learner):
     assert G @ learner["Lambda"] @ G.T == pytest.approx(learner["A"])
 
 
+def test_11_any_loads_make_a_mirrored_diagonal(learner):
+    system, rng = learner["system"], np.random.default_rng(4)
+    ends = [
+        (0.0, 0.05),
+        (0.0, 1.0),
+        (3.0, 0.05),
+        (3.0, 1.0),
+        *rng.uniform((0, 0.05), (3, 1), (9, 2)),
+    ]
+    for mean, variance in ends:
+        p = system.values({"mean": mean, "variance": variance})
+        Lambda, (H, inverse) = learner["parts"](p)
+        A, _ = affine(system, p)
+        assert H @ Lambda @ inverse == pytest.approx(A) and np.linalg.det(H) == pytest.approx(-1)
+        assert np.linalg.det(A) == pytest.approx(variance)
+
+
 def test_11_gradient_descent(learner):
-    for h, _, measured, theory in learner["rows"]:
-        assert (
-            float(measured)
-            == pytest.approx(max(abs(1 - 0.1 * float(h)), abs(1 - 2.6 * float(h))), abs=2e-4)
-            == float(theory)
-        )
+    for h, _, measured, theory in learner["descents"]:
+        assert theory == pytest.approx(max(abs(1 - 0.1 * h), abs(1 - 2.6 * h)))
+        assert measured == pytest.approx(theory, abs=2e-4 if h != 0.74 else 3e-3)  # two factors
     factors = {h: max(abs(1 - 0.1 * h), abs(1 - 2.6 * h)) for h in np.linspace(0.5, 0.8, 301)}
     best = min(factors, key=factors.get)
     assert best == pytest.approx(2 / 2.7, abs=1e-3) and factors[best] == pytest.approx(
         25 / 27, abs=2e-3
     )
+    assert learner["nearest"] == 0.74 and learner["best_step"] == pytest.approx(2 / 2.7)
 
 
 def test_11_answers_to_the_tasks(learner):
-    def bowl(x):
-        X = np.column_stack([x, np.ones(len(x))])
-        return np.linalg.eigvalsh(X.T @ X / len(x))
-
-    few = bowl(np.arange(10.0, 16.0))
-    assert (
-        few == pytest.approx([0.0182, 160.15], rel=1e-2)
-        and few[1] / few[0] == pytest.approx(8800, rel=0.01)
-        and 2 / few[1] == pytest.approx(0.0125, rel=0.01)
-    )
-    x = learner["load"]
+    few, x, found = learner["few"], learner["load"], learner["solutions"]
+    assert few == pytest.approx([0.0182, 160.15], rel=1e-2)
+    assert found["condition"] == pytest.approx(8800, rel=0.01)
+    assert 2 / few[1] == pytest.approx(0.0125, rel=0.01)
     for factor, condition in ((1.02, 26.3), (102, 1.157e5), (1 / 1.7**0.5, 24.1)):
-        low, high = bowl(factor * x)
+        low, high = learner["bowl"](factor * x)
         assert high / low == pytest.approx(condition, rel=0.01)
-    roots = np.roots([1, 2 * np.sqrt(0.1), 0.1])  # task 5: s'' + δ s' + 0.1 s = 0, δ = 2 √0.1
-    assert roots.real == pytest.approx([-0.3162] * 2, abs=1e-3)
+    assert found["unit"] == pytest.approx(1.7**0.5, rel=1e-2)
+    assert found["momentum"] == pytest.approx(2 * np.sqrt(0.1), rel=5e-3)
+    run = simulate(learner["system"], 8.0, start={"s1": 2 + 0.8, "s2": 1 + 0.6})  # task 4
+    assert np.hypot(run["s1"][-1] - 2, run["s2"][-1] - 1) < 1e-7
 
 
 # ---- 10: unstable spiral by matrix B
