@@ -20,7 +20,8 @@ gc.set_threshold(max(gc.get_threshold()[0], 10_000), *gc.get_threshold()[1:])
 
 _HOMES = {
     "model": "At Every Held Mode ModelError Output Parameter System Transition",
-    "equations": "equations jacobian mode_diagram parameter_table",
+    "equations": "equations jacobian parameter_table",
+    "diagram": "mode_diagram",
     "solve": "METHODS simulate simulate_many",
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",

@@ -43,10 +43,10 @@ def periodic(
     settle     how many periods (or crossings) to run before that: 1 by default
 
     Newton's method on φ_T(x) = x, and with a section on φ_T(x) = x, g(x) = 0 for x and T (Seydel,
-    Practical Bifurcation and Stability Analysis, 3rd ed., section 7.1). The derivative of φ comes
-    from runs of neighbours, through all events: that is what the saltation matrices of hybrid
-    systems describe (Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical
-    Systems, 2004, chapter 7).
+    Practical Bifurcation and Stability Analysis, chapter 7). The derivative of φ comes from runs
+    of neighbours, through all events, by central differences: that is what the saltation matrices
+    of hybrid systems describe (Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth
+    Mechanical Systems). Its error stands in cycle.monodromy.error.
 
     Raises ModelError, in words, when it does not converge, when what it finds is at rest, and
     where a neighbour of the cycle meets other events than it does.
@@ -114,7 +114,7 @@ def monodromy(
 
     Of a linear system with periodic coefficients (modes that switch by the clock included) it is
     exact to the tolerance, column by column from unit starts, about any solution (Floquet's
-    theory: Nayfeh and Mook, Nonlinear Oscillations, section 5.1). Of any other system it is that
+    theory: Nayfeh and Mook, Nonlinear Oscillations, chapter 5). Of any other system it is that
     about its cycle, which `periodic` finds with the same arguments.
 
     Raises ModelError as periodic does.

@@ -1,9 +1,12 @@
-"""The modes of a system and the transitions between them as a picture: boxes in a row, arcs above (forward) and below (back).
+"""The modes of a system and the transitions between them as a picture.
+
+Boxes stand in a row, with arcs above (forward) and below (back).
 
     mode_diagram(boost)
 
-In a row arcs nest and never meet a box, whatever the graph. Every label is measured and set at the lowest height where it
-meets neither another label nor another arc (in a crowd perhaps a line, never a label). One data unit is one inch.
+In a row arcs nest and never meet a box, whatever the graph. Every label is measured and set at
+the lowest height where it meets neither another label nor another arc (in a crowd perhaps a line,
+never a label). One data unit is one inch.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from .draw.figure import INK, Figure, figure, mode_colors, style, tint
-from .equations import Equations, equations
+from .equations import Equations, check_system, equations
 from .model import At, Every, System, Transition
 
 __all__ = ["mode_diagram"]
@@ -59,10 +62,13 @@ class _Arc:
 
 
 def mode_diagram(system: System) -> Figure:
-    """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as labelled arrows, dot = start, ring = end.
+    """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as arrows.
 
-    Under a transition's name stands its condition: y ↓ 0 means that y falls through 0. Dashed: taken when events pile up (Zeno).
+    The dot is the start, the ring the end. Under a transition's name stands its condition: y ↓ 0
+    means that y falls through 0. Dashed: taken when events pile up (Zeno). Raises ModelError for
+    what is no System.
     """
+    check_system(system, "mode_diagram")
     with style():
         fig = figure()
         fig.set_layout_engine("none")
@@ -137,7 +143,8 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
     elif hasattr(guard, "why"):
         return ""
     else:
-        text = f"${formulas.latex(guard)} {({-1: chr(92) + 'downarrow', 1: chr(92) + 'uparrow', 0: '='})[tr.direction]} 0$"
+        sign = {-1: r"\downarrow", 1: r"\uparrow", 0: "="}[tr.direction]
+        text = f"${formulas.latex(guard)} {sign} 0$"
     if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay:
         text += f", delay ${formulas.latex(tr.delay)}$"
     try:
@@ -186,7 +193,10 @@ def _place_nodes(nodes: list[_Node], arcs: list[_Arc]) -> None:
 
 
 def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
-    """Spread the arcs over the top and bottom edges so that those of one box nest: short ones outside, self loops amid."""
+    """Spread the arcs over the top and bottom edges so that those of one box nest.
+
+    Short ones are outside, self loops amid.
+    """
     for i, node in enumerate(nodes):
         for side in (1, -1):
             here = []
@@ -210,7 +220,7 @@ def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
 
 
 def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
-    """Short arcs first; each as low as its label, and the arcs and labels that lie already, allow."""
+    """Short arcs first; each as low as its label, and what lies already, allow."""
     done: list[_Arc] = []
     for arc in sorted(arcs, key=lambda arc: abs(arc.ends[0] - arc.ends[1])):
         span = abs(arc.ends[0] - arc.ends[1])
@@ -255,7 +265,7 @@ def _shape(nodes: list[_Node], arc: _Arc, height: float) -> None:
 
 
 def _clash(a: _Arc, b: _Arc) -> int:
-    """How bad it is that two arcs lie as they do: 100 for a label on a label, 1 for a label on a line."""
+    """How bad it is that two arcs lie as they do: 100 a label on a label, 1 a label on a line."""
     count = 100 * int(
         a.box is not None and b.box is not None and a.box.padded(CLEAR).overlaps(b.box)
     )

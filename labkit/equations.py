@@ -7,7 +7,6 @@ equations(ball).flows["flight"]["v"]     # SymPy expressions: -g
 jacobian(ball)                           # ∂f/∂s of a mode
 jacobian(ball).at({"y": 1, "v": 0}, g=1.62)    # … in numbers
 parameter_table(ball)
-mode_diagram(ball)                       # modes and transitions as a picture
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ __all__ = [
     "Untraced",
     "equations",
     "jacobian",
-    "mode_diagram",
     "parameter_table",
 ]
 
@@ -331,7 +329,7 @@ def equations(system: System) -> Equations:
     `.flows`, `.guards`, `.resets` and `.outputs` hold SymPy expressions. A function that is no
     formula is shown as its source, with the reason; no exception.
     """
-    _check(system, "equations")
+    check_system(system, "equations")
     return Equations(system)
 
 
@@ -421,7 +419,7 @@ def parameter_table(system: System) -> Table:
 
     Symbol, name in the code, meaning, value (of a held variable: at the start), unit and range.
     """
-    _check(system, "parameter_table")
+    check_system(system, "parameter_table")
     rows = []
     for name, what in system.parameters.items():
         low, high = (None if bound is None else _plain(bound) for bound in (what.low, what.high))
@@ -451,18 +449,7 @@ def parameter_table(system: System) -> Table:
     return Table(("symbol", "in the code", "meaning", "value", "unit", "range"), rows)
 
 
-def mode_diagram(system: System) -> Any:
-    """mode_diagram(system) -> figure.
-
-    Modes as boxes in their colours, transitions as labelled arrows; see `labkit.diagram`.
-    """
-    from .diagram import mode_diagram as draw  # Matplotlib is loaded only for a picture
-
-    _check(system, "mode_diagram")
-    return draw(system)
-
-
-def _check(system: object, who: str) -> None:
+def check_system(system: object, who: str) -> None:
     if not isinstance(system, System):
         raise ModelError(f"{who} takes a System, not {type(system).__name__}")
 

@@ -184,9 +184,9 @@ def family(
 
 @dataclass(frozen=True)
 class Decomposition:
-    """What `decomposition` gives: .A, .Lambda, .S, .inverse; str(…) is one line, and in a notebook
+    """What `decomposition` gives: .A, .Lambda, .S, .inverse, and .form, S with its u, v, d or φ.
 
-    it shows the matrices. `form` is S in the handbook's words, with u, v, d or φ.
+    It shows itself as matrices in a notebook, and as one line in print.
     """
 
     Lambda: np.ndarray
@@ -221,9 +221,9 @@ class Decomposition:
     __repr__ = __str__
 
     def _repr_markdown_(self) -> str:
-        named = (("A", self.A), ("S", self.S), (r"\Lambda", self.Lambda), ("S^{-1}", self.inverse))
-        below = [rf"\underbrace{{{_bracket(M)}}}_{{{name}}}" for name, M in named]
-        return f"$${below[0]} = {' '.join(below[1:])}$$\n\n{self.form}"
+        A, *factors = map(_bracket, (self.A, self.S, self.Lambda, self.inverse))
+        words = r"A = S \, \Lambda \, S^{-1}: \qquad "
+        return f"$${words} {A} = {' '.join(factors)}$$\n\n{self.form}"
 
 
 def decomposition(Lambda: ArrayLike, similarity: Similarity) -> Decomposition:

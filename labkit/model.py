@@ -137,7 +137,7 @@ def _letters(name: object) -> object:
     return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
 
 
-def _named(given: Mapping, what: str) -> dict:
+def named(given: Mapping, what: str) -> dict:
     """A mapping with its names as Python reads them; ModelError where two become one."""
     made = {_letters(key): value for key, value in given.items()}
     if len(made) < len(given):
@@ -145,85 +145,6 @@ def _named(given: Mapping, what: str) -> dict:
             f"two names in {what} are the same to Python, which reads ϕ as φ, ϵ as ε, µ as μ "
             f"(unicode NFKC): {listed(given)}"
         )
-    return made
-
-
-def _changed(old: Mapping, new: Mapping | None, what: str) -> dict:
-    """The old with what the new names; None takes away. ModelError when there is no such thing."""
-    if not isinstance(new or {}, Mapping):
-        raise ModelError(f"{what} of a variant must be a dict of what changes, not {new!r:.60}")
-    made = {**old, **_named(new or {}, what)}
-    if unknown := [key for key, value in made.items() if value is None and key not in old]:
-        raise ModelError(
-            f"the variant takes away {listed(unknown)}, which is not among the {what}; there are "
-            f"{listed(old)}"
-        )
-    return {key: value for key, value in made.items() if value is not None}
-
-
-def _changed_modes(old: Mapping[str, Mode], new: object) -> Sequence[Mode]:
-    """The modes of a variant: a list is the whole, a mapping of Modes or flows what changes."""
-    if new is not None and not isinstance(new, Mapping):
-        return new  # type: ignore[return-value]
-    made = _changed(old, new, "modes")
-    for key, value in made.items():
-        if isinstance(value, Mode):
-            if value.name != key:
-                raise ModelError(f"modes names {key!r}, but its Mode is called {value.name!r}")
-        else:
-            made[key] = replace(old[key], flow=value) if key in old else Mode(key, value)
-    return list(made.values())
-
-
-def _changed_transitions(
-    old: Sequence[Transition], new: object, gone: set[str]
-) -> Sequence[Transition]:
-    """The transitions of a variant, without those that lead into modes that are gone."""
-    if new is not None and not isinstance(new, Mapping):
-        return new  # type: ignore[return-value]
-    named = _changed(dict.fromkeys((tr.name for tr in old), ()), new, "transitions")
-    kept: list[Transition] = []
-    for tr in old:
-        change = named.get(tr.name)
-        if isinstance(change, Transition):
-            kept += [change] if change not in kept else []
-        elif isinstance(change, Mapping | tuple):
-            fields = dict(change)
-            if unknown := [key for key in fields if key not in tr.__dataclass_fields__]:
-                raise ModelError(
-                    f"transition {tr.name!r} has no field {listed(unknown)}; there are "
-                    f"{listed(tr.__dataclass_fields__)}"
-                )
-            sources = tuple(key for key in tr.sources if key not in gone)
-            here = tr.source if sources == tr.sources else sources
-            calm = None if tr.zeno in gone else tr.zeno
-            one = replace(tr, **{"source": here, "zeno": calm} | fields)
-            if one.sources and one.target not in gone:
-                kept.append(one)
-            elif fields:
-                raise ModelError(f"transition {tr.name!r} is to change, but its mode is gone")
-        elif change is not None:
-            raise ModelError(
-                f"transition {tr.name!r} of a variant must be a Transition, a dict of its fields "
-                f"that change, or None, not {change!r:.60}"
-            )
-    there = {tr.name for tr in old}
-    more = {key: each for key, each in named.items() if key not in there}
-    if unknown := [key for key, each in more.items() if isinstance(each, Mapping)]:
-        raise ModelError(
-            f"there is no transition {listed(unknown)} to change; there are {listed(there)}"
-        )
-    return [*kept, *more.values()]
-
-
-def _outputs_without(outputs: Mapping[str, Output], gone: set[str]) -> dict[str, Output]:
-    """Outputs without their functions in modes that are gone; one without any is gone too."""
-    made = {}
-    for key, what in outputs.items():
-        if not isinstance(what.function, Mapping):
-            made[key] = what
-        elif left := {mode: f for mode, f in what.function.items() if mode not in gone}:
-            made[key] = replace(what, function=left)
     return made
 
 
@@ -482,7 +403,7 @@ class System:
             self._check_transition(tr)
             for tr in ([transitions] if isinstance(transitions, Transition) else transitions)
         )
-        self.outputs = _named(outputs or {}, "outputs")
+        self.outputs = named(outputs or {}, "outputs")
         for output, what in self.outputs.items():
             _identifier(output, "output")
             if output in self.units or output in self.parameters or output in COLUMNS:
@@ -514,7 +435,7 @@ class System:
             )
         self.start = {
             key: number(value, f"start of {key!r}")
-            for key, value in _named(start or {}, "start").items()
+            for key, value in named(start or {}, "start").items()
         }
         if twice := [key for key in self.start if key in self.held]:
             raise ModelError(
@@ -582,57 +503,27 @@ class System:
         keyword that is both a part of System and a parameter (say parameters={"time": 3.0}), and as
         System does.
         """
-        values = _named(values, "the parameters")
-        parts = {"states": states, "modes": modes, "outputs": outputs, "time": time, "held": held}
-        parts |= {"parameters": parameters, "transitions": transitions}
-        if both := [
-            key for key, part in parts.items() if part is not None if key in self.P._fields
-        ]:
-            raise ModelError(
-                f"{listed(both)} is a part of System and a parameter of {self.name!r}: for the "
-                f"parameter say parameters={{{both[0]!r}: …}}; a part of that name cannot be given"
-            )
-        if unknown := [key for key in values if key not in self.P._fields]:
-            raise ModelError(
-                f"{listed(unknown)} is neither a part of System nor a parameter of {self.name!r}; "
-                f"there are {listed(self.parameters)}"
-            )
-        new_states = _changed(self._described, states, "states")
-        made = dict(_changed(self.parameters, parameters, "parameters"))
-        for key, value in (made | values).items():
-            if not isinstance(value, Parameter) and key in self.parameters:
-                made[key] = replace(self.parameters[key], value=value)
-        new_modes = _changed_modes(self.modes, modes)
-        names = {each.name for each in new_modes if isinstance(each, Mode)}
-        gone = set(self.modes) - names
-        kept = _changed_transitions(self.transitions, transitions, gone)
-        shown = _changed(_outputs_without(self.outputs, gone), outputs, "outputs")
-        lasting = dict(_changed(self.held, held, "held"))
-        begin = dict(_named(start or {}, "start"))
-        for key in [key for key in begin if isinstance(lasting.get(key), Held)]:
-            lasting[key] = replace(lasting[key], start=begin.pop(key))
-        lost = {*self.held, *self.states} - {*new_states}
-        begin = {key: x for key, x in self.start.items() if key not in lost} | begin
-        known = callable(self.mode) or self.mode in names
-        first = mode if mode is not None else self.mode if known else None
-        unit = self.time if time is None else time
-        return System(name, new_states, made, new_modes, kept, begin, first, shown, unit, lasting)
+        from .variant import variant_of  # it makes a System, so it comes after this file
+
+        parts = {"states": states, "parameters": parameters, "modes": modes, "start": start}
+        parts |= {"transitions": transitions, "mode": mode, "outputs": outputs, "time": time}
+        return variant_of(self, name, {**parts, "held": held}, values)
 
     @property
-    def _described(self) -> dict[str, tuple[str, str]]:
+    def described(self) -> dict[str, tuple[str, str]]:
         """The states as they were given."""
         return {key: (self.units[key], self.meanings[key]) for key in self.states}
 
     def __reduce__(self) -> tuple:
         start = {key: value for key, value in self.start.items() if key not in self.held}
         modes = tuple(self.modes.values())
-        given = (self.name, self._described, self.parameters, modes, self.transitions)
+        given = (self.name, self.described, self.parameters, modes, self.transitions)
         return System, (*given, start, self.mode, self.outputs, self.time, self.held)
 
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str
     ) -> tuple[str, ...]:
-        states = _named(states, f"the states of {owner}")
+        states = named(states, f"the states of {owner}")
         for key, what in states.items():
             _identifier(key, f"state of {owner}")
             if key == "t":
@@ -668,7 +559,7 @@ class System:
                 f"{parameters!r}"
             )
         made = {}
-        for key, value in _named(parameters, "parameters").items():
+        for key, value in named(parameters, "parameters").items():
             _identifier(key, "parameter")
             if key in OPTIONS:
                 raise ModelError(
@@ -704,7 +595,7 @@ class System:
                 )
             if mode.states is not None:
                 own = self._add_states(mode.states, f"mode {mode.name!r}")
-                mode = replace(mode, states=_named(mode.states, f"mode {mode.name!r}"))
+                mode = replace(mode, states=named(mode.states, f"mode {mode.name!r}"))
                 if clash := [key for key in own if key in self.parameters]:
                     raise ModelError(
                         f"mode {mode.name!r} has a state with the name of the parameter "
@@ -719,7 +610,7 @@ class System:
                 f"held of {self.name!r} must be a dict, {{'load': ('Ω', 50.0)}}, not {held!r}"
             )
         made = {}
-        for key, what in _named(held, "held").items():
+        for key, what in named(held, "held").items():
             _identifier(key, "held variable")
             if key == "t" or key in COLUMNS or key in OPTIONS:
                 raise ModelError(
@@ -758,7 +649,7 @@ class System:
                 f"{what} must be a function of (t, s, p), not {tr.reset!r}; "
                 "or a dict of what changes, {'v': 0.0}"
             )
-        parts = _named(tr.reset, what)
+        parts = named(tr.reset, what)
         for source in tr.sources:
             after = self.states_of(tr.target or source)
             if unknown := [key for key in parts if key not in after and key not in self.held]:
@@ -887,7 +778,7 @@ class System:
         if not changed:
             return self.P(*(parameter.value for parameter in self.parameters.values()))
         if not self.parameters.keys() >= changed.keys():
-            changed = _named(changed, "the parameters")
+            changed = named(changed, "the parameters")
         if unknown := [key for key in changed if key not in self.parameters]:
             raise ModelError(
                 f"{listed(unknown)} is not a parameter of {self.name!r}; there are "
@@ -908,7 +799,7 @@ class System:
         """
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
-            start = _named(start, "start")
+            start = named(start, "start")
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
         if unknown := [key for key in start if key not in self.units]:

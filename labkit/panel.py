@@ -31,6 +31,7 @@ from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
 from .draw.sketch import Motion
 from .draw.view import Only, Together
+from .draw.words import described
 from .model import ModelError, System, listed, number, unambiguous
 from .run import Run
 from .several import Merged, Several
@@ -628,7 +629,8 @@ def _presets(
             )
         if unknown := [name for name in values if name not in keys]:
             raise ModelError(
-                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not have; there are {listed(keys)}"
+                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not "
+                f"have; there are {listed(keys)}"
             )
     return {
         preset: {keys[name]: value for name, value in values.items()}
@@ -662,25 +664,9 @@ def _verdicts(runs: Several) -> str:
 
 
 def _in_words(figure: Any, title: str) -> str:
-    """The alternative text of a picture: what its axes show, "x, v [m] over t [s]"."""
-
-    def plain(text: str) -> str:
-        return re.sub(r"\\(?:mathrm|dot)|[${}]", "", text).replace("\\", "")
-
-    axes = [
-        ", ".join(
-            filter(
-                None,
-                [
-                    plain(ax.get_title("left")),
-                    f"{plain(ax.get_ylabel())} over {plain(ax.get_xlabel())}",
-                ],
-            )
-        )
-        for ax in figure.axes
-        if ax.get_ylabel()
-    ]
-    return f"{title}: " + "; ".join(axes)
+    """The alternative text of a picture in a panel."""
+    words = described(figure)
+    return words if words.startswith(title) else f"{title}: {words}"
 
 
 def _time_and_phase(run: Run) -> View:

@@ -1,4 +1,4 @@
-"""Several systems behind one set of sliders: what `explore({"plain": …, "warned": …}, …)` is made of.
+"""Several systems behind one set of sliders: explore({"plain": …, "warned": …}, …).
 
 merged = Merged({"plain": system, "warned": other})
 runs = Several(merged, {"plain": run, "warned": another});  runs["plain"]["x"]

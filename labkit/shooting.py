@@ -148,7 +148,7 @@ class Flow:
 
     def ends(self, x: np.ndarray, T: float) -> tuple[np.ndarray, list[list]]:
         """The ends (k, n) of starts (k, n), and which events each run had."""
-        runs = simulate_many(
+        many = simulate_many(
             self.system,
             self.t0 + T,
             t0=self.t0,
@@ -157,6 +157,7 @@ class Flow:
             **{**self.options, "points": 2},
             **self.p,
         )
+        runs = list(many)  # each is made once
         events = [[(e.transition, e.target) for e in run.events] for run in runs]
         return np.array([self.end(run) for run in runs]), events
 
@@ -200,7 +201,7 @@ def near(
         return _newton(Flow(system, t0, mode, options, p), g, begin, period)
     except _Elsewhere as error:
         if g is not None:
-            raise ModelError(f"{error}. Choose a section that is no guard of the system") from None
+            raise ModelError(f"{error}. A section must be no guard of the system") from None
         run = Flow(system, t0, mode, options, p).run(np.array(list(begin.values())), period)
         ends = np.unique([run.t[0], *(event.t for event in run.events), run.t[-1]])
         k = int(np.argmax(np.diff(ends)))

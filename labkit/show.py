@@ -1,6 +1,10 @@
-"""How names are shown. One rule for equations, tables and axes; it needs neither SymPy nor Matplotlib.
+"""How names are shown: one rule for equations, tables and axes.
 
-latex_name("omega1")  ->  \\omega_{1}        latex_name("Vp")  ->  V_{p}        latex_name("mass")  ->  \\mathrm{mass}
+latex_name("omega1")  ->  \\omega_{1}
+latex_name("Vp")      ->  V_{p}
+latex_name("mass")    ->  \\mathrm{mass}
+
+It needs neither SymPy nor Matplotlib.
 """
 
 from __future__ import annotations
@@ -13,9 +17,11 @@ from .table import Table
 __all__ = ["Table", "latex_name", "split_name"]
 
 
-GREEK = frozenset(
-    ["alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega"]
+_GREEK = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
+    "upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
 )
+GREEK = frozenset(_GREEK.split())
 _SHORT = {"lam": "lambda", "lamda": "lambda", "eps": "epsilon", "om": "omega"}
 _VARIANT = {
     "epsilon": "\\varepsilon",
@@ -27,16 +33,17 @@ _WORDS = frozenset(
 
 
 def latex_name(name: str) -> str:
-    """latex_name("F_s") -> "F_{s}": the LaTeX of a state, parameter or helper from its Python name."""
+    """latex_name("F_s") -> "F_{s}": LaTeX of the Python name of a state, parameter or helper."""
     head, index = split_name(name)
     return f"{head}_{{{index}}}" if index else head
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """split_name("omega1") -> ("\\\\omega", "1"): the letter, which may carry a dot, and the index below it ("" if none).
+    """split_name("omega1") -> ("\\\\omega", "1"): the letter, and the index below it ("" if none).
 
-    Greek letters are spelled (omega, phi1, lambda_) or written (ω); what follows _ or is a number is an index, and so is the
-    second part of a short name like Vp, iL, Td, kr, Cmax, vref. Other names of several letters are words: mass, restitution.
+    The letter may carry a dot. Greek letters are spelled (omega, phi1, lambda_) or written (ω);
+    what follows _ or is a number is an index, and so is the second part of a short name like Vp,
+    iL, Td, kr, Cmax, vref. Other names of several letters are words: mass, restitution.
     """
     first, *rest = [part for part in _spelled(name).split("_") if part] or [name]
     head, below = first, ""

@@ -89,6 +89,7 @@ class Sweep:
                   of another result, whose lines are drawn;  levels: its levels
         label     of the colour bar or of the upward axis, with unit: "mean output [V]"
         log       names of axes with a logarithmic scale; left out: those in equal ratios
+        even      names of axes whose values stand at equal distances, whatever they are
         title, width, height    as in `figure`
 
         Runs without a result are hatched. Further curves: picture.axes[0].plot(…).

@@ -1,4 +1,7 @@
-"""A panel in a bare page: panel.js and panel.css as they are, the panel's other half in this process; no server, no kernel.
+"""A panel in a bare page.
+
+It has panel.js and panel.css as they are, and the panel's other half in this process; there is no
+server and no kernel.
 
 with open_browser() as browser, opened(browser, panel, ratio=2) as page: …
 made_by("part3/06_dc_dc_converter")                  # the panels that a notebook makes
@@ -22,18 +25,25 @@ from labkit.panel import Panel
 from .helpers import load
 
 START = """async ([code, spec, first]) => {
-    const bytes = (text) => new DataView(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
-    const { default: widget } = await import(URL.createObjectURL(new Blob([code], { type: 'text/javascript' })));
+    const bytes = (text) =>
+        new DataView(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+    const module = new Blob([code], { type: 'text/javascript' });
+    const { default: widget } = await import(URL.createObjectURL(module));
     let hear;
-    const send = (message) => window.ask(message).then(([content, buffers]) => hear(content, buffers.map(bytes)));
-    const model = { get: (name) => (name === 'spec' ? spec : bytes(first)), on: (_, listener) => (hear = listener), off: () => {}, send };
+    const send = (message) => window.ask(message)
+        .then(([content, buffers]) => hear(content, buffers.map(bytes)));
+    const get = (name) => (name === 'spec' ? spec : bytes(first));
+    const model = { get, on: (_, listener) => (hear = listener), off: () => {}, send };
     widget.render({ model, el: document.getElementById('panel') });
 }"""
 
 
 @contextlib.contextmanager
 def opened(browser, panel: Panel, ratio: float = 1.0, **options: object) -> Iterator:
-    """The page, once it has painted the kernel's first picture; page.problems are errors that nobody caught, page.asked the messages."""
+    """The page, once it has painted the kernel's first picture.
+
+    Errors that nobody caught are page.problems, the messages page.asked.
+    """
     context = browser.new_context(
         device_scale_factor=ratio, viewport={"width": 1200, "height": 1000}, **options
     )
@@ -52,7 +62,8 @@ def opened(browser, panel: Panel, ratio: float = 1.0, **options: object) -> Iter
     ):
         page.expose_function("ask", ask)
         page.set_content(
-            f"<style>{panel._css}</style><div style='height: 200px'></div><div id=panel></div><div style='height: 2000px'></div>"
+            f"<style>{panel._css}</style><div style='height: 200px'></div><div "
+            "id=panel></div><div style='height: 2000px'></div>"
         )
         page.evaluate(
             START,
@@ -90,7 +101,10 @@ def shown(page) -> np.ndarray:
 
 
 def saved(panel: Panel) -> np.ndarray:
-    """What Matplotlib draws of the panel's figure at the same size; the axes stay where they are in the panel's picture."""
+    """What Matplotlib draws of the panel's figure at the same size.
+
+    The axes stay where they are in the panel's picture.
+    """
     panel.figure.frozen = True
     with style():
         panel.figure.canvas.print_png(file := io.BytesIO())

@@ -7,7 +7,8 @@ from hypothesis import settings
 
 from .lab import open_browser
 
-# Another worker may hold the processor while an example runs, so time is no sign of a fault; the same examples every time.
+# Another worker may hold the processor while an example runs, so time is no sign of a fault; the
+# same examples every time.
 settings.register_profile("labkit", deadline=None, derandomize=True)
 settings.load_profile("labkit")
 

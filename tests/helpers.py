@@ -2,7 +2,7 @@
 
 load("part3/00_sample_dry_friction")["system"]       the notebook's names after its code cells ran
 run_cell("x = 1", "<a cell>", {})["x"]               the names after one cell's text ran
-find_browser()                                       path of an installed Chrome, Chromium or Edge, or None
+find_browser()                                       path of a Chrome, Chromium or Edge, or None
 """
 
 from __future__ import annotations
@@ -44,9 +44,11 @@ def code_cells(notebook: dict) -> list[dict]:
 
 @functools.cache
 def load(name: str) -> dict:
-    """load("part1/00_sample_stable_spiral") -> namespace after its code cells ran in this process; do not change it.
+    """load("part1/00_sample_stable_spiral") -> namespace after its code cells ran in this process;
+    do not change it.
 
-    Cells run as plain Python in the notebook's folder, without a kernel; panels are made but do not try their sliders.
+    Cells run as plain Python in the notebook's folder, without a kernel; panels are made but do not
+    try their sliders.
     """
     namespace: dict = {"__name__": "__main__", "display": lambda *things, **options: None}
     before = Path.cwd()
@@ -61,14 +63,20 @@ def load(name: str) -> dict:
 
 
 def run_cell(text: str, place: str, namespace: dict) -> dict:
-    """run_cell("x = 1", "<a cell>", {}) -> the namespace after the text ran; the text is at hand, as a notebook's is, for tracebacks and to compile models."""
+    """run_cell("x = 1", "<a cell>", {}) -> the namespace after the text ran.
+
+    The text is at hand, as a notebook's is, for tracebacks and to compile models.
+    """
     linecache.cache[place] = (len(text), None, text.splitlines(True), place)
     exec(compile(text, place, "exec"), namespace)
     return namespace
 
 
 def find_browser() -> str | None:
-    """find_browser() -> a Chromium-like browser of this computer: LABKIT_BROWSER, on the path, or in the usual places."""
+    """find_browser() -> a Chromium-like browser of this computer.
+
+    LABKIT_BROWSER, on the path, or in the usual places.
+    """
     names = (
         "chromium",
         "chromium-browser",

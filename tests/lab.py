@@ -1,6 +1,7 @@
-"""A JupyterLab over a folder of notebooks, started as `python -m labkit` starts it, and a browser: for tests and benchmarks.
+"""A JupyterLab over a folder of notebooks, started as `python -m labkit` starts it, and a browser:
+for tests and benchmarks.
 
-with running_lab(folder) as lab, open_browser() as browser: …      # folder/notebooks holds the notebooks
+with running_lab(folder) as lab, open_browser() as browser: …  # the notebooks: folder/notebooks
 """
 
 from __future__ import annotations
@@ -39,8 +40,12 @@ from labkit import Mode, Parameter, System, explore, simulate, time_plot
 def flow(t, s, p):
     return s.v, -p.omega**2 * s.x - 2 * p.delta * s.v
 
-system = System("oscillator", {"x": "m", "v": "m/s"}, {"omega": Parameter(2.0, "rad/s", "frequency", 1.0, 6.0), "delta": Parameter(0.1, "1/s", "damping", 0.0, 1.0)},
-                [Mode("motion", flow)], start={"x": 1.0, "v": 0.0})
+parameters = {
+    "omega": Parameter(2.0, "rad/s", "frequency", 1.0, 6.0),
+    "delta": Parameter(0.1, "1/s", "damping", 0.0, 1.0),
+}
+system = System("oscillator", {"x": "m", "v": "m/s"}, parameters, [Mode("motion", flow)],
+                start={"x": 1.0, "v": 0.0})
 horizon = 10.0
 
 def verdict(run):
@@ -59,7 +64,9 @@ def draw(run):
     fig = figure(0, width=9, height=4)
     grid = fig.add_gridspec(2, 2)
     axes = [fig.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
-    return [time_plot(run, "x", axes=axes[0], title=""), Motion(axes[1], mechanism, 6, 1.5), phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])]
+    plane = phase_portrait(run, "x", "v", limits=((-2, 2), (-4, 4)), axes=axes[2])
+    moving = Motion(axes[1], mechanism, 6, 1.5)
+    return [time_plot(run, "x", axes=axes[0], title=""), moving, plane]
 
 explore(system, horizon, draw, presets={"no damping": {"delta": 0.0}})
 """
@@ -154,7 +161,10 @@ def running_lab(folder: Path) -> Iterator[Lab]:
 
 @contextlib.contextmanager
 def open_browser(*more: str) -> Iterator:
-    """A headless browser of this computer, with more flags if need be. Raises LookupError when there is none."""
+    """A headless browser of this computer, with more flags if need be.
+
+    Raises LookupError when there is none.
+    """
     path = find_browser()
     if path is None:
         raise LookupError(
@@ -177,7 +187,8 @@ def open_notebook(page, lab: Lab, name: str) -> None:
     )  # labkit's Lab opens on the start page
     page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
-    # The indicator at the top says idle before there is a kernel, and Lab then drops what it is told to run; the bar at the bottom knows.
+    # The indicator at the top says idle before there is a kernel, and Lab then drops what it is
+    # told to run; the bar at the bottom knows.
     page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle").wait_for()
     tab = page.locator(".lm-TabBar-tab.jp-mod-current")
     assert tab.inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
@@ -185,14 +196,22 @@ def open_notebook(page, lab: Lab, name: str) -> None:
 
 
 def run_all(page) -> None:
-    """Runs all cells and waits until the last one is done; numbers of an earlier run are cleared away before."""
+    """Runs all cells and waits until the last one is done.
+
+    Numbers of an earlier run are cleared away before.
+    """
     for menu, entry in (("Edit", "Clear Outputs of All Cells"), ("Run", "Run All Cells")):
         page.locator(".lm-MenuBar-item", has_text=menu).click()
         page.get_by_text(entry, exact=True).click()
     page.wait_for_function(
         """() => {
-        const prompts = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')].map((cell) => [cell.querySelector('.cm-content'), cell.querySelector('.jp-InputPrompt')]);
-        return prompts.length && prompts.every(([text, prompt]) => (text && prompt && !text.textContent.trim()) || /\\[\\d+\\]/.test(prompt?.textContent));
+        const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')];
+        return cells.length && cells.every((cell) => {
+            const text = cell.querySelector('.cm-content');
+            const prompt = cell.querySelector('.jp-InputPrompt');
+            const empty = text && prompt && !text.textContent.trim();
+            return empty || /\\[\\d+\\]/.test(prompt?.textContent);
+        });
     }""",
         timeout=180_000,
     )

@@ -104,7 +104,9 @@ def forced(sign):
 
 
 def relay():
-    """Handbook sample 3.3: hysteresis by the sign of x', each of the four combinations of direction and output a mode."""
+    """Handbook sample 3.3: hysteresis by the sign of x', each of the four combinations of direction
+    and output a mode.
+    """
     return System(
         "relay with hysteresis",
         {"x": "m", "v": "m/s"},

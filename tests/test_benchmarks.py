@@ -1,4 +1,7 @@
-"""The benchmark's problems: labkit meets their references, finds every event and invents none, on both back ends."""
+"""The benchmark's problems.
+
+labkit meets their references, finds every event and invents none, on both back ends.
+"""
 
 import numpy as np
 import pytest
@@ -40,7 +43,10 @@ def test_instants_of_the_reference(name):
 
 
 def test_references_that_are_known_otherwise():
-    """Ball: the closed form of the n-th bounce; stick-slip: the first release; converter: two ticks a cycle and 64 times the diode."""
+    """Ball: the closed form of the n-th bounce; stick-slip: the first release.
+
+    Converter: two ticks a cycle and 64 times the diode.
+    """
     first = np.sqrt(2 * 10 / 9.81)
     bounces = first * (1 + 2 * np.cumsum(0.8 ** np.arange(12)) - 2)
     assert np.allclose(PROBLEMS["ball"].reference()[0], bounces, rtol=0, atol=1e-13)

@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -17,7 +18,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_rgb
+from matplotlib.font_manager import FontProperties
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from PIL import Image
 
 from labkit.draw import (
@@ -37,8 +42,12 @@ from labkit.draw import (
 )
 from labkit.draw.figure import PNG_BYTES, label, style, symbol
 from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
+from labkit.draw.private import Renderer, measure_as, reshape, tick_size
 from labkit.draw.sketch import CHARACTERISTICS
+from labkit.draw.ticks import over_time, said
+from labkit.draw.time import SHARED
 from labkit.draw.view import Together
+from labkit.draw.words import plain
 from labkit.linear import classify
 from labkit.model import Every, Mode, ModelError, Output, Parameter, System, Transition
 from labkit.panel import explore
@@ -46,6 +55,7 @@ from labkit.run import Event, Run, Work
 from labkit.solve import simulate
 
 from .by_hand import lanes
+from .helpers import ROOT
 
 PLAIN = {"backend": "plain"}
 BOX = ((-2.0, 2.0), (-2.0, 2.0))
@@ -165,7 +175,7 @@ def segments(line):
     ]
 
 
-# -- figure ---------------------------------------------------------------------------------------------------------------
+# -- figure ----------------------------------------------------------------------------------------
 
 
 def test_png_is_small_palette_and_the_same_each_time(ball):
@@ -184,11 +194,15 @@ def test_png_is_small_palette_and_the_same_each_time(ball):
     assert data["image/png"] == first and meta["image/png"] == {
         "width": view.figure.css_size[0],
         "height": view.figure.css_size[1],
+        "alt": view.figure.alt,
     }
 
 
 def test_png_has_the_same_bytes_in_another_process():
-    code = "from labkit.draw import figure; import hashlib; f = figure(); f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    code = (
+        "from labkit.draw import figure; import hashlib; f = figure(); "
+        "f.axes[0].plot([0, 1, 3], [0, 2, 1]); print(hashlib.sha256(f.png()).hexdigest())"
+    )
     seen = {
         subprocess.run(
             [sys.executable, "-c", code],
@@ -273,7 +287,10 @@ def test_the_users_rcparams_are_neither_changed_nor_used(ball):
 
 
 def test_pyplot_is_never_loaded():
-    code = "import sys, labkit.draw; from labkit.draw import figure; figure().png(); assert 'matplotlib.pyplot' not in sys.modules"
+    code = (
+        "import sys, labkit.draw; from labkit.draw import figure; figure().png(); "
+        "assert 'matplotlib.pyplot' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -310,7 +327,7 @@ def test_modes_keep_their_colours(block):
     assert len(set(COLORS)) == len(COLORS)
 
 
-# -- time plots -----------------------------------------------------------------------------------------------------------
+# -- time plots ------------------------------------------------------------------------------------
 
 
 def test_curve_breaks_at_jumps_and_jumps_are_dashed(ball):
@@ -361,7 +378,7 @@ def test_modes_colour_the_background(block):
     run = simulate(block, 12.0, **PLAIN)
     view = time_plot(run, "x", "F")
     assert len(run.events) > 3
-    where = view._modes[0].artists
+    where = view._modes[0].patches
     for name, patch in zip(block.modes, where, strict=True):
         boxes = patch.get_path().vertices.reshape(-1, 5, 2)
         total = (boxes[:, 2, 0] - boxes[:, 0, 0]).sum()
@@ -388,7 +405,11 @@ def test_a_thousand_events_do_not_blacken_the_plot(block):
     view = time_plot(run, "x")
     marks = segments(view._events[0].line)
     assert len(marks) == 999 and all(mark[:, 1].min() > 0.95 for mark in marks)
-    assert all(patch.get_path().vertices[:, 1].max() < 0.05 for patch in view._modes[0].artists)
+    # So many modes are a mash of colours: the strip shows their shares of the time, here one half
+    low, high = (patch.get_path().vertices[:, 1] for patch in view._modes[0].patches)
+    assert low.min() == 0 and high.max() == pytest.approx(SHARED)
+    np.testing.assert_allclose([low.max(), high.min()], SHARED / 2, rtol=0.06)
+    assert view._modes[0].words.get_text() == "share of the time"
     empty = pixels(view.figure.png())
     assert (empty.min(axis=2) > 200).mean() > 0.85  # most of the picture stays white
     assert len(view.figure.png()) <= PNG_BYTES
@@ -508,7 +529,7 @@ def test_time_plot_refuses_nonsense(ball, block):
         time_plot(run).update(simulate(block, 1.0, **PLAIN))
 
 
-# -- type of an equilibrium -----------------------------------------------------------------------------------------------
+# -- type of an equilibrium ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -594,7 +615,7 @@ def test_classify_refuses_nonsense():
         classify(np.eye(2), tolerance=-1)
 
 
-# -- phase portraits ------------------------------------------------------------------------------------------------------
+# -- phase portraits -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -1079,6 +1100,230 @@ def test_the_legend_lists_only_nullclines_that_are_there_and_follows():
     assert names == ["d$x$/d$t$ = 0", "d$v$/d$t$ = 0"]
 
 
+def drawn(axes):
+    """The boxes of the words on the x axis that are in sight, from left to right."""
+    figure = axes.get_figure()
+    figure.png()
+    renderer, (low, high) = figure.canvas.get_renderer(), sorted(axes.get_xlim())
+    labels = [
+        text
+        for at, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)
+        if low <= at <= high and text.get_text()
+    ]
+    return [text.get_window_extent(renderer) for text in labels]
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(-5, 5),
+    st.floats(-9, 5),
+    st.floats(1.5, 9),
+    st.sampled_from([1.0, 0.5, 0.3]),
+    st.booleans(),
+)
+def test_numbers_on_an_axis_never_run_together(middle, power, width, scale, seconds):
+    """Wide and narrow, zoomed in, and with large type: a figure made smaller, as in a classroom."""
+    fig = figure(1, 1, width=max(width * scale, 1.5), height=2.0)
+    axes = fig.axes[0]
+    if seconds:
+        over_time(axes, "$t$", "s")
+    axes.set_xlim(middle, middle + 10.0**power)
+    boxes = drawn(axes)
+    assert all(b.x0 - a.x1 > 1 for a, b in zip(boxes, boxes[1:], strict=False))
+
+
+def test_seconds_have_a_prefix_on_a_short_axis():
+    fig = figure()
+    axes = fig.axes[0]
+    over_time(axes, "$t$", "s")
+    for end, unit, last in ((20.0, "s", "20.0"), (0.02, "ms", "20.0"), (3e-5, "µs", "30")):
+        axes.set_xlim(0, end)
+        fig.png()
+        assert axes.get_xlabel() == f"$t$ [{unit}]"
+        shown = [text.get_text() for text in axes.get_xticklabels()]
+        assert last in shown
+    axes.set_xlabel("another")
+    axes.set_xlim(0, 5.0)
+    fig.png()
+    assert axes.get_xlabel() == "another"  # an author's own
+    over_time(axes, "$t$", "h")
+    assert axes.get_xlabel() == "$t$ [h]"
+
+
+def test_a_common_factor_is_a_power_of_ten():
+    axes = figure().axes[0]
+    axes.set_ylim(0, 3e-6)
+    axes.get_figure().png()
+    assert axes.yaxis.get_offset_text().get_text() == "×10⁻⁶"
+
+
+def test_numbers_in_words():
+    assert said(-1.25e-5) == "−1.25·10⁻⁵" and said(1e-4) == "0.0001" and said(1e6) == "10⁶"
+    assert said(0.25) == "0.25" and said(-3) == "−3"
+
+
+def test_title_and_legend_never_lie_over_each_other(block):
+    run = simulate(block, 12.0, **PLAIN)
+    for width in (9.0, 4.0, 2.6):
+        view = time_plot(run, ("x", "V", "F"), title="A block that sticks and slips", width=width)
+        view.figure.png()
+        for scale in (1.0, 1.4, 2.0):  # larger type: the panel makes the figure smaller
+            view.figure.set_size_inches(max(width / scale, 1.0), 4.0 / scale)
+            view.figure.png()
+            renderer, axes = view.figure.canvas.get_renderer(), view.axes[0]
+            title = axes._left_title.get_window_extent(renderer)
+            legend = axes.get_legend().get_window_extent(renderer)
+            assert not title.overlaps(legend), (width, scale)
+
+
+def test_the_legend_has_the_colours_of_the_bands_and_of_the_strip(block):
+    """In the saved picture too, with its few colours."""
+    view = time_plot(simulate(block, 12.0, **PLAIN), "x")
+
+    def samples():
+        return view.axes[0].get_legend().legend_handles
+
+    image = pixels(view.figure.png()).reshape(-1, 3)
+    colors, counts = np.unique(image, axis=0, return_counts=True)
+    for patch, sample in zip(view._modes[0].patches, samples(), strict=True):
+        r, g, b, alpha = patch.get_facecolor()
+        over_white = 1 - alpha * (1 - np.array([r, g, b]))
+        np.testing.assert_allclose(sample.get_facecolor()[:3], over_white, atol=1e-9)
+        assert counts[np.abs(colors - 255 * over_white).max(axis=1) < 1.5].sum() > 1000
+    before = [sample.get_facecolor() for sample in samples()]
+    view.update(simulate(block, 400.0, **PLAIN))  # now a strip
+    assert view.relimited
+    for color, old, sample in zip(mode_colors(block).values(), before, samples(), strict=True):
+        np.testing.assert_allclose(
+            sample.get_facecolor()[:3], 1 - 0.8 * (1 - np.array(to_rgb(color)))
+        )
+        assert sample.get_facecolor() != old
+
+
+def test_names_of_guards_lie_on_no_other_line():
+    relay = System(
+        "relay",
+        {"x": "m", "v": "m/s"},
+        {"a": 0.3},
+        [
+            Mode("up", lambda t, s, p: (s.v, 1.0 - s.v)),
+            Mode("down", lambda t, s, p: (s.v, -1.0 - s.v)),
+        ],
+        [
+            Transition("up", "down", lambda t, s, p: s.x - p.a, direction=1, label="switch up"),
+            Transition("down", "up", lambda t, s, p: s.x + p.a, direction=-1, label="switch down"),
+        ],
+        start={"x": 0.0, "v": 0.0},
+        mode=lambda t, s, p: "up" if s.x < 0 else "down",
+    )
+    for a in (0.3, 0.05, 1.0):
+        run = simulate(relay, 12.0, a=a, **PLAIN)
+        view = phase_portrait(run, direction_field=False)
+        view.figure.png()
+        renderer = view.figure.canvas.get_renderer()
+        guards = next(part for part in view.layers if type(part).__name__ == "GuardLines")
+        boxes = [text.get_window_extent(renderer) for text in guards.words.values()]
+        assert len(boxes) == 2 and not boxes[0].overlaps(boxes[1])
+        path = view.axes.transData.transform(np.column_stack([run["x"], run["v"]]))
+        for box in boxes:
+            assert not ((path > box.min) & (path < box.max)).all(axis=1).any()
+            for edge in (-a, a):
+                at = view.axes.transData.transform((edge, 0))[0]
+                assert not box.x0 < at < box.x1, (a, edge)
+
+
+def test_a_picture_says_in_words_what_it_shows(ball, block):
+    run = simulate(ball, 3.0, **PLAIN)
+    view = time_plot(run, "y")
+    assert view.figure.alt == (
+        f"ball: y [m] over t [s]; 0 to 3 across, {said(view.axes[0].get_ylim()[0], 3)} to "
+        f"{said(view.axes[0].get_ylim()[1], 3)} up; 1 event"
+    )
+    assert view._repr_mimebundle_()[1]["image/png"]["alt"] == view.figure.alt
+    text = time_plot(simulate(block, 5.0, **PLAIN), ("x", "V")).figure.alt
+    assert "x [m], V [m/s] over t [s]; " in text and "curves x, V; modes stick, slip; " in text
+    portrait = phase_portrait(simulate(block, 5.0, **PLAIN))
+    assert (
+        portrait.figure.alt.startswith("block: V [m/s] over x [m]; ")
+        and "lets go" in portrait.figure.alt
+    )
+    sketch = Sketch(4, 2)
+    sketch.block((2, 1), 1, 1, "$m_{1}$")
+    assert sketch.figure.alt == "in words: m1"
+    distance = curves(run, lambda run: {"r": (run.t, np.abs(run["v"]) + 1.0)}, log="y")
+    assert "logarithmic in y" in distance.figure.alt
+    panel = explore(ball, 3.0, lambda run: time_plot(run, "y"), **PLAIN)
+    assert panel.spec["alt"].startswith("ball: y [m] over t [s]; ")
+    short = time_plot(simulate(ball, 0.02, **PLAIN), "y")
+    short.figure.png()
+    assert "over t [ms]; 0 to 20 across" in short.figure.alt
+
+
+def test_formulas_in_plain_words():
+    assert plain(r"$\theta_{1}$ [rad/s]") == "θ1 [rad/s]"
+    assert plain(r"d$x$/d$t$ = 0") == "dx/dt = 0"
+    assert plain(r"$\mathrm{mass} \leq \frac{a}{b}$") == "mass ≤ a/b"
+
+
+# -- what is private in Matplotlib: each name that labkit/draw/private.py uses
+
+
+def test_set_path_still_needs_to_be_told():
+    """When this fails, Matplotlib has mended it, and `reshape` may go."""
+    patch = PathPatch(Path([(0, 0), (1, 1)]))
+    patch.stale = False
+    reshape(patch, Path([(0, 0), (2, 2)]))
+    assert patch.stale and patch.get_path().vertices.max() == 2
+
+
+def test_the_size_of_numbers_is_that_of_the_labels():
+    axes = figure().axes[0]
+    axes.tick_params(labelsize=13)
+    assert tick_size(axes.xaxis) == 13 == axes.get_xticklabels()[0].get_size()
+
+
+def test_words_and_lines_are_measured_as_matplotlib_does():
+    ours, theirs = Renderer(100, 100, 120), RendererAgg(100, 100, 120)
+    prop = FontProperties(size=11)
+    for words, formula in (("many words", False), (r"$\frac{a}{b}$", True)):
+        for _ in range(2):  # the second time from memory
+            got = ours.get_text_width_height_descent(words, prop, formula)
+            assert got == theirs.get_text_width_height_descent(words, prop, formula)
+    fig = figure()
+    many = fig.text(0.5, 0.5, "two\nlines", fontproperties=prop)
+    assert many.get_window_extent(ours).bounds == many.get_window_extent(theirs).bounds
+    other = SimpleNamespace()
+    measure_as(other, ours)
+    assert other.get_text_width_height_descent("many words", prop, False)[0] > 0
+
+
+def test_a_canvas_keeps_its_renderer_until_its_size_changes():
+    fig = figure()
+    first = fig.canvas.get_renderer()
+    assert isinstance(first, Renderer) and fig.canvas.get_renderer() is first
+    fig.set_size_inches(3, 2)
+    second = fig.canvas.get_renderer()
+    assert second is not first and (second.width, second.height) == (360, 240)
+
+
+def test_private_names_of_matplotlib_stand_in_one_file():
+    folder = ROOT / "labkit"
+    names = (
+        "_get_font_height",
+        "_lastKey",
+        "_get_tick_label_size",
+        "_unscaled_dash",
+        "_left_title",
+    )
+    for file in folder.rglob("*.py"):
+        if file != folder / "draw" / "private.py":
+            text = file.read_text(encoding="utf-8")
+            assert not [name for name in names if name in text], file
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    for package in ("matplotlib", "numba"):
+        assert re.search(rf'"{package}>=[\d.]+,<[\d.]+', project), package
+
+
 def test_a_name_that_is_both_option_and_parameter_is_refused():
     tank = System(
         "tank",
@@ -1129,7 +1374,7 @@ def test_portrait_refuses_nonsense(ball):
         phase_portrait(one, horizon=1.0)
 
 
-# -- sketches -------------------------------------------------------------------------------------------------------------
+# -- sketches --------------------------------------------------------------------------------------
 
 
 def test_sketch_pieces_meet_at_their_points():
@@ -1316,3 +1561,20 @@ def test_the_time_axis_follows_the_end_of_the_run_both_ways():
     for end, shown in ((20.0, 20.0), (10.0, 10.0), (15.0, 15.0), (10.0, 10.0), (4.0, 10.0)):
         view.update(simulate(system, end))
         assert view.axes[0].get_xlim() == (0.0, shown)
+
+
+def test_a_mode_at_rest_has_no_guard_lines_in_the_plane():
+    from labkit import characteristic
+
+    relay = characteristic("relay")
+    system = System(
+        "second",
+        {"x": "", "v": ""},
+        {"K": 1.0},
+        **relay.modes(lambda t, s, p, F: (s.v, -F - s.x)),
+        start={"x": 1.0, "v": 0.0},
+    )
+    portrait = phase_portrait(system, "x", "v", starts=0, horizon=1.0, limits=((-2, 2), (-2, 2)))
+    said = [text.get_text() for text in portrait.axes.texts if text.get_visible()]
+    assert any("through 0" in words for words in said)
+    assert not any("leaves" in words for words in said)

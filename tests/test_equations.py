@@ -1,4 +1,7 @@
-"""The formulas that are shown are the functions that are simulated: traced expressions against the functions themselves."""
+"""The formulas that are shown are the functions that are simulated.
+
+Traced expressions against the functions themselves.
+"""
 
 import functools
 import math
@@ -14,7 +17,8 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labkit.equations import Untraced, equations, jacobian, mode_diagram, parameter_table
+from labkit.diagram import mode_diagram
+from labkit.equations import Untraced, equations, jacobian, parameter_table
 from labkit.model import At, Every, Mode, ModelError, Output, Parameter, System, Transition
 from labkit.show import latex_name
 from labkit.table import Table
@@ -185,7 +189,11 @@ def test_formula_is_the_function(name, t, x, v, k, d):
     "first", ["import labkit.equations", "from labkit import jacobian", "pass"]
 )
 def test_name_of_function_and_module(first):
-    code = f"{first}\nfrom labkit import equations, Mode, System\nprint(equations(System('s', states={{'x': ''}}, modes=[Mode('m', lambda t, s, p: (1.0,))], start={{'x': 0}})))"
+    code = (
+        f"{first}\nfrom labkit import equations, Mode, System\n"
+        "mode = Mode('m', lambda t, s, p: (1.0,))\n"
+        "print(equations(System('s', states={'x': ''}, modes=[mode], start={'x': 0})))"
+    )
     assert (
         "x' = 1"
         in subprocess.run(
@@ -198,7 +206,8 @@ def test_functions_are_left_alone():
     before = dict(sgn.__globals__)
     equations(system_of(FUNCTIONS["helper"]))
     assert sgn.__globals__["sin"] is before["sin"] and sgn(-3.0) == -1.0
-    assert not sp.Gt(sp.Symbol("x"), 0) == True  # noqa: E712  SymPy's own relations are as before
+    relation = sp.Gt(sp.Symbol("x"), 0)
+    assert (relation == True) is False  # noqa: E712  SymPy's own relations are as before
     with pytest.raises(TypeError):
         bool(sp.Symbol("x") > 0)
 
@@ -251,8 +260,8 @@ def test_display_keeps_the_helper_and_flows_write_it_out():
     assert r"\dot{x} &= V_{p} - V" in text
     assert r"\dot{V} &= \frac{k \, x - F\left(V\right)}{m}" in text
     assert (
-        r"F\left(V\right) &= \begin{cases} \left(F_{s} - F_{c}\right) \, \left(1 - \frac{V}{\hat V}\right)^{2} + F_{c} & \text{for}\: V < \hat V"
-        in text
+        r"F\left(V\right) &= \begin{cases} \left(F_{s} - F_{c}\right) \, \left(1 - \frac{V}{\hat "
+        r"V}\right)^{2} + F_{c} & \text{for}\: V < \hat V" in text
     )
     assert "- **breaks loose**, *stick* → *slip*: when $k \\, x - F_{s}$ rises through 0" in text
     assert "- *slip* → *stick*: when $V$ falls through 0; then $V^{+} = 0$" in text

@@ -221,7 +221,7 @@ def test_the_start_page_finds_by_a_word_and_ends_at_the_chooser(lab, browser):
         view.keyboard.press("Control+f")
         view.locator(".jp-DocumentSearch-input").first.fill("converter")
         count = view.locator(".jp-DocumentSearch-index-counter")
-        assert until(lambda: count.inner_text().strip() not in ("-/-", "0/0", ""))
+        assert until(lambda count=count: count.inner_text().strip() not in ("-/-", "0/0", ""))
         view.keyboard.press("Escape")
         assert ("jp-mod-dirty" in tab.get_attribute("class")) == ran
     view.close()

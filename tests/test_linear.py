@@ -1,4 +1,6 @@
-"""Types, exact solutions and designs of linear systems, against 50-digit arithmetic, SciPy's expm and closed forms."""
+"""Types, exact solutions and designs of linear systems, against 50-digit arithmetic, SciPy's expm
+and closed forms.
+"""
 
 import math
 from decimal import Decimal, localcontext
@@ -94,7 +96,7 @@ points = st.tuples(signed, signed)
 
 
 def in_fifty_digits(A):
-    """Type from the eigenvalues, and distances to the borders, in decimal arithmetic of 50 digits."""
+    """Type from the eigenvalues, and distances to the borders, in decimals of 50 digits."""
     w, x, y, z = (Decimal(value) for value in A.ravel().tolist())
     a, q, d, p = (w + z) / 2, (y - x) / 2, (w - z) / 2, (x + y) / 2
     r, turn = (d * d + p * p).sqrt(), (a * a + q * q).sqrt()
@@ -109,7 +111,10 @@ def in_fifty_digits(A):
 
 
 def matrices(count, seed):
-    """Random matrices of all sizes; half of them on purpose near a border, at relative distances from 1e-1 to 1e-15."""
+    """Random matrices of all sizes.
+
+    Half of them on purpose near a border, at relative distances from 1e-1 to 1e-15.
+    """
     rng = np.random.default_rng(seed)
     made = rng.normal(size=(count, 2, 2))
     bases = np.array(
@@ -125,7 +130,7 @@ def matrices(count, seed):
 
 
 def compare_types(count, seed):
-    """How many matrices lay outside the border width 1e-15, and which of them were named wrongly."""
+    """How many matrices lay outside the border width 1e-15, and which were named wrongly."""
     compared, wrong = 0, []
     with localcontext(prec=50):
         for A in matrices(count, seed):
@@ -336,7 +341,10 @@ def truth(A, b, start, t):
 
 
 def relative_error(A, b, start, t):
-    """Error over what rounding of the data alone may do: ‖e^{|A|t}‖-like size of the largest term."""
+    """Error over what rounding of the data alone may do.
+
+    ‖e^{|A|t}‖-like size of the largest term.
+    """
     got, right = exact(A, b, start, [t])[0], truth(A, b, start, t)
     M = np.zeros((3, 3))
     M[:2, :2], M[:2, 2] = A, b
@@ -367,7 +375,9 @@ def test_exact_solution_of_every_type(case, similarity, at, start, t):
     similarities(),
 )
 def test_exact_solution_on_and_near_the_borders(a, first, sign, second, t, similarity):
-    """Nearly equal, nearly vanishing and exactly vanishing eigenvalues, defective or not, real or complex."""
+    """Nearly equal, nearly vanishing and exactly vanishing eigenvalues, defective or not, real or
+    complex.
+    """
     S, inverse = similarity[1]
     assume(np.linalg.cond(S) < 100)
     for Lambda in (

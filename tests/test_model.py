@@ -1,4 +1,7 @@
-"""The model object refuses what makes no sense, in words; a Run gives back what was computed, bit for bit, also from a file."""
+"""The model object refuses what makes no sense, in words.
+
+A Run gives back what was computed, bit for bit, also from a file.
+"""
 
 import csv
 import importlib.util
@@ -243,7 +246,8 @@ REFUSED = {
     "no source": (leaving((), guard=guard), "has no source mode"),
     "neither guard nor schedule": (
         leaving(),
-        r"transition 'a → b' needs either a guard \(a function\) or at= \(a schedule\), and not both",
+        r"transition 'a → b' needs either a guard \(a function\) or at= \(a schedule\), and not "
+        r"both",
     ),
     "guard and schedule": (leaving(guard=guard, at=At(1.0)), "needs either a guard"),
     "guard is no function": (
@@ -384,7 +388,9 @@ def test_what_a_system_knows():
 
 
 def parabola(jump=True):
-    """x = t² to t = 2, there two events at once to x = 10 and on to x = 20 in mode b, then x' = 1 to t = 3."""
+    """x = t² to t = 2, there two events at once to x = 10 and on to x = 20 in mode b, then x' = 1
+    to t = 3.
+    """
     made = System(
         "parabola",
         states={"x": "m"},
@@ -434,7 +440,8 @@ def test_run_samples():
     np.testing.assert_allclose(run["all"], 0.1 * run.t)
     with pytest.raises(
         ModelError,
-        match="'speed' is neither a state nor an output of 'parabola'; there are 'x', 'y', 'z', 'double', 'all'",
+        match="'speed' is neither a state nor an output of 'parabola'; "
+        "there are 'x', 'y', 'z', 'double', 'all'",
     ):
         run["speed"]
     assert "6 samples, 2 events, finished" in repr(run)

@@ -106,7 +106,10 @@ def test_it_states_system_and_horizon_before_the_first_picture_but_a_sketch(name
 
 @pytest.mark.parametrize("name", CONCEPTS)
 def test_a_concept_has_its_own_headings_numbered_and_a_prediction(name):
-    """A concept follows its own thread; but it predicts before it shows, and ends with answers and tasks."""
+    """A concept follows its own thread.
+
+    But it predicts before it shows, and ends with answers and tasks.
+    """
     text = "\n".join(
         source(cell) for cell in read(name)["cells"] if cell["cell_type"] == "markdown"
     )

@@ -1,4 +1,6 @@
-"""What all twelve assignments of part 1 must fulfil, on the systems and functions of the notebooks themselves."""
+"""What all twelve assignments of part 1 must fulfil, on the notebooks' own functions."""
+
+import itertools
 
 import numpy as np
 import pytest
@@ -93,7 +95,7 @@ def test_type_equilibrium_and_transformation(number, book):
 )
 @given(data=st.data())
 def test_every_position_of_the_sliders(number, data):
-    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays, unless a border is stated for them."""
+    """A = S Λ S⁻¹ with S S⁻¹ = E wherever the sliders stand; the type stays off its borders."""
     book = load(assignment(1, number).path)
     system = book["system"]
     values = {
@@ -117,7 +119,7 @@ def test_every_position_of_the_sliders(number, data):
 
 
 def test_simulated_against_exact_at_1e_10(number, book):
-    """To 1e-9 of the largest state, from several starts; an unstable system multiplies every early error by e^{λt}."""
+    """To 1e-9 of the largest state, from several starts: unstable systems multiply early errors."""
     system, horizon = book["system"], book["horizon"]
     rest = equilibrium(*affine(system))
     names = system.states
@@ -229,17 +231,32 @@ def test_02_what_an_unstable_node_does_to_errors():
         far = np.hypot(run["s1"] - 2, run["s2"] - 2)
         relative.append(true_error(run)[-1] / far[-1] / tolerance)
     assert max(relative) < 30
-    run = simulate(system, 70.0, start={"s1": 1.7, "s2": 2.7}, method="RK45", rtol=1e-4, atol=1e-6)
-    z = np.abs(book["S_inverse"] @ np.array([run["s1"] - 2, run["s2"] - 2]))
+    other, start = book["system_two"], {"y1": -0.3, "y2": 0.7}
+    run = simulate(other, 70.0, start=start, method="RK45", rtol=1e-4, atol=1e-6, **book["ponds"])
+    z = np.abs(book["S_inverse"] @ run.values[:, :2].T)
     lost = run.t[np.argmax(z[0] > z[1])]
     assert 50 < lost < 70  # by rounding alone: a Runge–Kutta step is a polynomial of A
     coarse = simulate(system, 5.0, method="RK45", rtol=1e-2, atol=1e-4)
     assert true_error(coarse)[-1] / np.hypot(
         coarse["s1"][-1] - 2, coarse["s2"][-1] - 2
     ) == pytest.approx(0.027, abs=0.003)
-    less = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98}, b1=-2.07, b2=-1.17)
+    less = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98}, q1=2.07, q2=1.17)
     assert less["s1"][-1] > 4 and less["s2"][-1] > 4
     assert np.linalg.det(book["flat"].S) == pytest.approx(-2)
+    for ends in itertools.product((0.5, 2), (0.5, 2), (0.02, 0.24), (0.02, 0.24)):
+        corner = affine(
+            system, system.values(dict(zip(("g1", "g2", "m1", "m2"), ends, strict=True)))
+        )[0]
+        assert classify(corner) == "unstable node"  # det is linear in each: corners are enough
+    found = book["solutions"]
+    assert found["quotas"] == pytest.approx([4.15, 1.65])
+    assert (found["fate"], found["image"]) == ("plenty", "mirrored")
+    t = np.linspace(0, 8, 8001)  # the worst miscount has all of it in pond 1
+    far = np.hypot(*exact(A, (0, 0), (0.02, 0.0), t).T)
+    assert found["miscount"] == pytest.approx(np.interp(1.0, far, t), rel=0.05)
+    one_low = simulate(system, 5.0, start={"s1": 1.98, "s2": 1.98})
+    assert one_low.events[-1].transition == "pond 1 empty" and min(one_low["s2"]) > 0
+    assert one_low.t[-1] == pytest.approx(book["empty"], abs=1e-6)
 
 
 @pytest.mark.skipif(3 not in NUMBERS, reason="not written")
@@ -247,13 +264,17 @@ def test_03_no_mirror_changes_a_star_and_no_measurement_finds_one():
     book = load(assignment(1, 3).path)
     system = book["system"]
     assert [str(book["simplify"](rate)) for rate in book["traced"].values()] == [
-        "a*s1 + b1",
-        "a*s2 + b2",
+        "lambda0*y1",
+        "lambda0*y2",
     ]
+    other = book["system_two"]
     for u2 in np.linspace(-3, 3, 13):
-        assert affine(system, system.values({"u2": u2}))[0] == pytest.approx(
+        assert affine(other, other.values({"u2": u2}))[0] == pytest.approx(
             -0.8 * np.eye(2), abs=2e-15
         )
+    for psi in (0.0, 30.0, 45.0, 170.0):  # the mirror's line is left alone
+        line = np.array([np.cos(np.radians(psi)), np.sin(np.radians(psi))])
+        assert book["parts"](system.values({"psi": psi}))[1].S @ line == pytest.approx(line)
     for start in (
         (-1.5, 2.0),
         (3.0, 1.0),
@@ -295,7 +316,11 @@ def test_03_no_mirror_changes_a_star_and_no_measurement_finds_one():
     )
     final = simulate(system, 1.25, method="Euler", step=1.25).final
     assert (final["s1"], final["s2"]) == pytest.approx((1.0, 0.5), abs=1e-14)
-    assert np.log(1 / np.tan(np.radians(40))) / 0.1 == pytest.approx(1.75, abs=0.005)  # task 4
+    found = book["solutions"]
+    assert found["hull"] == pytest.approx(np.log(1 / np.tan(np.radians(40))) / 0.1)
+    assert (found["swap"], found["Heun"]) == (45.0, 1.0)
+    heading = book["heading"]
+    assert (heading[0], heading[-1]) == pytest.approx((126.87, 27.6), abs=0.1)
 
 
 @pytest.mark.skipif(4 not in NUMBERS, reason="not written")

@@ -1,4 +1,7 @@
-"""Part 1, the later assignments: what is special in each. What all twelve share is tested elsewhere."""
+"""Part 1, the later assignments: what is special in each.
+
+What all twelve share is tested elsewhere.
+"""
 
 import numpy as np
 import pytest
@@ -194,7 +197,7 @@ def test_10_the_design_is_the_circuit(oscillator):
 
 
 def test_10_growth_and_frequency_are_those_of_a_neighbouring_system(oscillator):
-    for name, h, growth, theory, frequency, turning in oscillator["rows"]:
+    for _, _, growth, theory, frequency, turning in oscillator["rows"]:
         assert float(growth) == pytest.approx(float(theory), abs=2e-8) and float(
             frequency
         ) == pytest.approx(float(turning), abs=2e-8)
@@ -209,7 +212,10 @@ def test_10_growth_and_frequency_are_those_of_a_neighbouring_system(oscillator):
 
 
 def test_10_ghosts(oscillator):
-    """Euler starts an oscillator that cannot start, implicit Euler stops one that does: in runs, not only in formulas."""
+    """Euler starts an oscillator that cannot start, implicit Euler stops one that does.
+
+    In runs, not only in formulas.
+    """
     circuit = oscillator["circuit"]
     euler = simulate(circuit, 100.0, g=0.30, method="Euler", step=0.1)
     truth = simulate(circuit, 100.0, g=0.30)

@@ -1,4 +1,7 @@
-"""The picture of a similarity transformation: its data, and that it cannot disagree with the model."""
+"""The picture of a similarity transformation.
+
+Its data, and that it cannot disagree with the model.
+"""
 
 import numpy as np
 import pytest
@@ -72,7 +75,7 @@ def test_curves_follow_the_field():
     """Each little stretch of a trajectory points along Λ z."""
     for name in ("node", "saddle", "improper", "spiral", "centre", "star"):
         Lambda, S = CASES[name]
-        z = planes(run_of(Lambda, S), lambda p: (Lambda, S))._sides[0].curves.get_xydata()
+        z = planes(run_of(Lambda, S), lambda p, L=Lambda, S=S: (L, S))._sides[0].curves.get_xydata()
         step, middle = np.diff(z, axis=0), (z[1:] + z[:-1]) / 2
         good = (
             np.isfinite(step).all(axis=1) & (np.hypot(*step.T) > 1e-6) & (np.hypot(*step.T) < 0.3)
@@ -113,7 +116,10 @@ def test_parts_that_do_not_make_the_model_are_refused():
 
 @pytest.mark.parametrize("a", [-0.3, -0.1, 0.05, 0.1])
 def test_spirals_have_no_seam(a):
-    """An arm runs from outside the picture to its middle in one stroke, unless the radius hardly changes in a turn: no end of a line shows."""
+    """An arm runs from outside the picture to its middle in one stroke: no end of a line shows.
+
+    Unless the radius hardly changes in a turn.
+    """
     from labkit.draw import flow_lines
 
     curves, starts = flow_lines(

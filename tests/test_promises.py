@@ -1,4 +1,7 @@
-"""What the engine promises about events, each line a test: nothing lost, nothing repeated, nothing endless."""
+"""What the engine promises about events, each line a test.
+
+Nothing lost, nothing repeated, nothing endless.
+"""
 
 import math
 import re
@@ -47,7 +50,10 @@ BARE = counter(lambda t, s, p: math.sin(p.w * t + p.phase) - p.level)
 
 @pytest.mark.parametrize("depth", [10.0**-k for k in range(1, 11)])
 def test_dips_at_25_phases(depth):
-    """One dip of sin under −1 + depth a period, at 25 phases against the steps: all of them, entered and left."""
+    """One dip of sin under −1 + depth a period, at 25 phases against the steps.
+
+    All of them, entered and left.
+    """
     for phase in np.linspace(0, 2 * math.pi, 25, endpoint=False):
         run = simulate(
             WAVE,
@@ -67,7 +73,10 @@ def test_dips_at_25_phases(depth):
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
 @pytest.mark.parametrize("backend", BOTH)
 def test_sine_over_a_high_level(level, method, backend):
-    """Ten periods, loose and tight tolerance: 20 of 20 crossings, also when the guard reads the time and the flow is nothing."""
+    """Ten periods, loose and tight tolerance.
+
+    20 of 20 crossings, also when the guard reads the time and the flow is nothing.
+    """
     for rtol in (1e-5, 1e-9):
         assert (
             simulate(
@@ -97,7 +106,10 @@ def test_sine_over_a_high_level(level, method, backend):
 
 
 def test_a_guard_that_wiggles_within_one_step():
-    """Guard sin 40t with a flow that lets the step grow without bound: the samples, not the steps, resolve it."""
+    """Guard sin 40t with a flow that lets the step grow without bound.
+
+    The samples, not the steps, resolve it.
+    """
     assert simulate(BARE, 10.0, w=40.0, phase=0.1, max_step=1.0).final["n"] == math.floor(
         (40 * 10 + 0.1) / math.pi
     )
@@ -105,7 +117,7 @@ def test_a_guard_that_wiggles_within_one_step():
 
 @pytest.mark.parametrize("backend", BOTH)
 def test_event_on_a_step_boundary_counts_once(backend):
-    """Fixed steps of 1/8 that end exactly on the surface x = 1 (all numbers are binary fractions)."""
+    """Fixed steps of 1/8 that end exactly on the surface x = 1 (all are binary fractions)."""
     system = counter(lambda t, s, p: s.x - 1.0, directions=(1,), rate=lambda t, s, p: (1.0, 0.0))
     for method in ("Euler", "Heun", "RK4"):
         run = simulate(system, 3.0, method=method, step=0.125, backend=backend)
@@ -116,7 +128,10 @@ def test_event_on_a_step_boundary_counts_once(backend):
 
 @pytest.mark.parametrize("backend", BOTH)
 def test_location_where_the_flow_is_exact(backend):
-    """x = t² − 2: the root of 2 to 1e-12 by every method that integrates a parabola exactly; the state on the far side."""
+    """x = t² − 2: the root of 2 to 1e-12 by every method that integrates a parabola exactly.
+
+    The state on the far side.
+    """
     system = System(
         "parabola",
         {"x": "", "v": ""},
@@ -153,7 +168,10 @@ def test_zeno_of_the_ball(e, backend):
 
 def test_event_chain_at_one_instant_reaches_a_fixed_point():
     """a → b → c → d by urgent guards, then rest; a ring of urgent guards is stopped and named."""
-    flow = lambda t, s, p: (1.0,)
+
+    def flow(t, s, p):
+        return (1.0,)
+
     chain = [
         Transition(x, y, guard=lambda t, s, p: s.x - 1, direction=1, urgent=True)
         for x, y in (("a", "b"), ("b", "c"), ("c", "d"))
@@ -182,7 +200,10 @@ def test_event_chain_at_one_instant_reaches_a_fixed_point():
 
 @pytest.mark.parametrize("backend", BOTH)
 def test_chattering_without_a_sliding_mode_is_named(backend):
-    """Three modes in a ring on one surface, each pushing back: no two of them make a Filippov pair, so the run ends and names the guard."""
+    """Three modes in a ring on one surface, each pushing back.
+
+    No two of them make a Filippov pair, so the run ends and names the guard.
+    """
     down, up = (lambda t, s, p: (-1.0,)), (lambda t, s, p: (1.0,))
     system = System(
         "ring",
@@ -205,7 +226,10 @@ def test_chattering_without_a_sliding_mode_is_named(backend):
 
 
 def test_short_pulses_are_not_stepped_over():
-    """A push of 1 for a microsecond at t = 5 in a system at rest: x' is 1e-6 afterwards, whatever the step."""
+    """A push of 1 for a microsecond at t = 5 in a system at rest.
+
+    X' is 1e-6 afterwards, whatever the step.
+    """
     system = System(
         "pulse",
         {"x": "", "v": ""},
@@ -219,7 +243,10 @@ def test_short_pulses_are_not_stepped_over():
 
 
 def test_relay_pendulum_switches_ever_faster():
-    """x'' + a x' + K sign x = 0 from x' = 2: each swing has a closed form, solved here with thirty digits; a thousand switches."""
+    """x'' + a x' + K sign x = 0 from x' = 2.
+
+    Each swing has a closed form, solved here with thirty digits; a thousand switches.
+    """
     system = System(
         "relay pendulum",
         {"x": "", "v": ""},
@@ -240,7 +267,7 @@ def test_relay_pendulum_switches_ever_faster():
         a, K, t, v = mpmath.mpf("0.2"), mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(2)
         for _ in range(1000):
             swing = mpmath.findroot(
-                lambda s: (v + K / a) * (1 - mpmath.exp(-a * s)) / a - K * s / a,
+                lambda s, v=v: (v + K / a) * (1 - mpmath.exp(-a * s)) / a - K * s / a,
                 2 * v / K * (1 - a * v / (3 * K)),
             )
             v, t = K / a - (v + K / a) * mpmath.exp(-a * swing), t + swing
@@ -258,7 +285,10 @@ linear = st.tuples(vector, vector, vector)  # rows of A, and b
 
 @st.composite
 def hybrids(draw):
-    """Two to four modes x' = Ax + b in the plane; guards c·x − d between random modes; resets that keep, scale or push; a clock."""
+    """Two to four modes x' = Ax + b in the plane; guards c·x − d between random modes.
+
+    Resets that keep, scale or push; a clock.
+    """
     count = draw(st.integers(2, 4))
     flows = [draw(linear) for _ in range(count)]
     edges = []
@@ -320,8 +350,12 @@ def build(recipe):
 
 
 def certify(recipe, run):
-    """Holds a run against matrix exponentials, mode by mode: every stretch follows them, every event lies on its guard and
-    crosses it in its direction, every reset is right, and on a fine grid no directed crossing was passed over."""
+    """Holds a run against matrix exponentials, mode by mode.
+
+    Every stretch follows them, every event lies on its guard and
+    crosses it in its direction, every reset is right, and on a fine grid no directed crossing was
+    passed over.
+    """
     flows, edges, clock, _ = recipe
     stops = [*run.events, None]
     t, mode, state = 0.0, 0, np.array(list(run.start.values()))
@@ -341,7 +375,7 @@ def certify(recipe, run):
         assert np.abs(path[-1] - reached).max() <= 1e-6 * size, (
             "the stretch follows the exponential"
         )
-        for i, j, c, d, direction, _ in edges:
+        for i, _, c, d, direction, _ in edges:
             if i == mode:
                 g = direction * (path @ c - d)
                 inner = g[1:-1]

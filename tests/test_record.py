@@ -28,7 +28,10 @@ class Picture:
 
 
 def replayed(message, buffers):
-    """The message as pixels: its strokes go through a plain Agg renderer, so that only the notes are tested and no browser."""
+    """The message as pixels.
+
+    Its strokes go through a plain Agg renderer, so that only the notes are tested and no browser.
+    """
     message = json.loads(json.dumps(message))  # what arrives
     points, pixels = (
         np.frombuffer(buffers[0], "<f4").reshape(-1, 2).astype(float),

@@ -199,8 +199,7 @@ def test_answers_of_the_tasks(system):
 
 def test_one_character_chooses_the_future(book):
     right, left = (
-        simulate(book[name], 10.0, rtol=1e-10, points=10001)
-        for name in ("blind", "blind_too")
+        simulate(book[name], 10.0, rtol=1e-10, points=10001) for name in ("blind", "blind_too")
     )
     assert right["x"].max() == pytest.approx(3.035, abs=1e-3) and left["x"].max() == pytest.approx(
         1.243, abs=1e-3

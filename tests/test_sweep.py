@@ -3,7 +3,10 @@
 import csv
 import pickle
 import sys
+from _thread import interrupt_main
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from threading import Timer
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -226,6 +229,18 @@ def test_an_interrupt_keeps_what_there_is(monkeypatch, where):
     assert set(m.reasons.values()) == {"not computed: interrupted"}
 
 
+def test_an_interrupt_from_the_keyboard_is_heard(monkeypatch):
+    monkeypatch.setattr(portions_module, "FIRST", 5)
+
+    def slow(run):
+        sleep(0.01)
+        return 1.0
+
+    Timer(0.3, interrupt_main).start()
+    m = sweep(oscillator, 0.1, slow, delta=np.linspace(0, 1, 2000), rtol=[1e-4])
+    assert 0 < np.nansum(m.values) < 1000
+
+
 def test_portions_keep_the_memory_bounded(monkeypatch):
     monkeypatch.setattr(portions_module, "FIRST", 5)
     monkeypatch.setattr(portions_module, "SAMPLES", 1000)
@@ -357,6 +372,18 @@ def test_three_axes_are_maps_side_by_side():
     many = sweep(oscillator, 1.0, ending, delta=[0.1], omega=[1.0], x=np.linspace(0, 1, 7))
     with pytest.raises(ModelError, match="7 values of 'x' would be as many maps"):
         many.picture()
+
+
+def test_an_axis_at_equal_distances():
+    x = np.array([0.9, 0.99, 0.999, 1.001, 1.01, 1.1])
+    m = sweep(oscillator, 6.0, ending, x=x, delta=[0.1, 0.2])
+    axes = m.picture("x", "delta", even=["x"]).axes[0]
+    assert [tick.get_text() for tick in axes.get_xticklabels()][:2] == ["0.9", "0.99"]
+    assert axes.get_xlim() == (-0.5, 5.5)
+    with pytest.raises(ModelError, match="the sweep has no axis 'y'"):
+        m.picture(even=["y"])
+    with pytest.raises(ModelError, match="must rise or fall: sort them"):
+        sweep(oscillator, 6.0, ending, x=[1.0, 0.5, 0.7], delta=[0.1, 0.2]).picture()
 
 
 # ---- progress

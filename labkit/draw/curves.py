@@ -19,8 +19,9 @@ from matplotlib.text import Text
 
 from ..model import ModelError, listed, unambiguous
 from ..run import Run
-from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, label, style
+from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, style, symbol
 from .private import closed, reshape
+from .ticks import over_time
 from .time import _sample, _segments
 from .view import Shows, View, Window, extent
 
@@ -218,7 +219,7 @@ class Curves(View):
                 self.shows = [Shows(self.axes, "t", tuple(lines), self._curve)]
             if self._xlabel is None and not self.axes.get_xlabel():
                 with style():
-                    self.axes.set_xlabel(label(run.system, "t"))
+                    over_time(self.axes, symbol("t"), run.system.time)
 
     def _curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
         """What a held run and a cursor draw: the curve over the time, if it is one."""

@@ -1,4 +1,6 @@
-"""The house figure: one style, one palette, a small PNG that never changes by itself. pyplot is not used anywhere.
+"""The house figure: one style, one palette, a small PNG that never changes by itself.
+
+pyplot is not used anywhere.
 
 fig = figure(2, 1, height=5)
 fig.axes[0].plot(t, x)
@@ -10,11 +12,9 @@ from __future__ import annotations
 
 import io
 import os
-import re
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +23,16 @@ import numpy as np
 from matplotlib import patheffects, rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.colors import to_rgb
-from matplotlib.font_manager import FontProperties, fontManager, get_font
-from matplotlib.mathtext import MathTextParser
+from matplotlib.font_manager import FontProperties
 from PIL import Image
 
 from ..model import ModelError, System
 from ..run import _write
 from ..show import latex_name
+from .private import Canvas, size_of_words
+from .ticks import Numbers, Spaced
+from .words import described
 
 __all__ = [
     "COLORS",
@@ -45,12 +46,15 @@ __all__ = [
     "tint",
 ]
 
-#: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all common kinds of colour
-#: vision; their yellow is left out (invisible on white) and black comes last, since axes and text have it.
+#: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all
+#: common kinds of colour vision; their yellow is left out (invisible on white) and black comes
+#: last, since axes and text have it.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#000000")
-#: Line styles that go with the first four colours where few curves share a panel: they survive grey print.
+#: Line styles that go with the first four colours where few curves share a panel: they survive grey
+#: print.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (5, 1.6, 1.2, 1.6)), (0, (1.4, 1.4)))
-#: How strongly the backgrounds of the modes are tinted, in order: in grey print, too, one sees where a mode ends.
+#: How strongly the backgrounds of the modes are tinted, in order: in grey print, too, one sees
+#: where a mode ends.
 BANDS = (0.11, 0.23, 0.16, 0.31)
 INK, FAINT, GRID = "#222222", "#8A8A8A", "#E3E3E3"
 
@@ -123,63 +127,32 @@ VEIL = {
 HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
 
 
-class Renderer(RendererAgg):
-    """Agg that remembers from one figure to the next how large words and formulas are: Matplotlib measures all anew in each figure."""
-
-    _formulas = MathTextParser("path")  # parsing one takes 10 ms
-
-    def __init__(self, width: float, height: float, dpi: float):
-        super().__init__(width, height, dpi)
-        self.mathtext_parser = self._formulas
-
-    def get_text_width_height_descent(
-        self, s: str, prop: FontProperties, ismath: Any
-    ) -> tuple[float, float, float]:
-        return _size_of_words(s, prop.copy(), ismath, self.dpi)
-
-    def _get_font_height_metrics(self, prop: FontProperties) -> tuple[float, float, float]:
-        return _size_of_lines(prop.copy(), self.dpi)
-
-
-@lru_cache(8192)
-def _size_of_words(
-    s: str, prop: FontProperties, ismath: Any, dpi: float
-) -> tuple[float, float, float]:
-    return RendererAgg.get_text_width_height_descent(_measure(dpi), s, prop, ismath)
-
-
-@lru_cache(256)
-def _size_of_lines(prop: FontProperties, dpi: float) -> tuple[float, float, float]:
-    """Ascent, descent and gap of lines, as text.py reads them from the font."""
-    font = get_font(fontManager.findfont(prop))
-    line, scale = (
-        font.get_sfnt_table("OS/2"),
-        prop.get_size_in_points() * dpi / 72 / font.get_sfnt_table("head")["unitsPerEm"],
-    )
-    return (
-        line["sTypoAscender"] * scale,
-        -line["sTypoDescender"] * scale,
-        line["sTypoLineGap"] * scale,
-    )
-
-
-@lru_cache(4)
-def _measure(dpi: float) -> Renderer:
-    return Renderer(1, 1, dpi)
-
-
-class Canvas(FigureCanvasAgg):
-    """The canvas of a Figure: FigureCanvasAgg with our Renderer."""
-
-    def get_renderer(self) -> Renderer:
-        key = *self.get_width_height(physical=True), self.figure.dpi
-        if self._lastKey != key:
-            self.renderer, self._lastKey = Renderer(*key), key
-        return self.renderer
-
-
 class HouseAxes(Axes):
-    """Axes whose later titles and legends have the house style too, not only what is there from the start."""
+    """Axes whose later titles and legends have the house style too, and ticks that have room."""
+
+    #: title and entries of the legend as `head` has set them, and the room that there was for them
+    headed: tuple[str, list[tuple[Artist, str]]] | None = None
+    roomed = 0.0
+
+    def __init__(self, *arguments: Any, **options: Any):
+        super().__init__(*arguments, **options)
+        self._space("x")
+        self._space("y")
+
+    def _space(self, which: str) -> None:
+        if getattr(self, f"get_{which}scale")() == "linear":
+            axis = getattr(self, f"{which}axis")
+            axis.set_major_formatter(Numbers())
+            if which == "x":
+                axis.set_major_locator(Spaced())
+
+    def set_xscale(self, *arguments: Any, **options: Any) -> None:
+        super().set_xscale(*arguments, **options)
+        self._space("x")
+
+    def set_yscale(self, *arguments: Any, **options: Any) -> None:
+        super().set_yscale(*arguments, **options)
+        self._space("y")
 
     def set_title(self, *arguments: Any, **options: Any) -> Any:
         with style():
@@ -191,9 +164,12 @@ class HouseAxes(Axes):
 
 
 class Figure(matplotlib.figure.Figure):
-    """A Matplotlib figure that shows itself in a cell as a palette PNG with the same bytes every time. Made by `figure`.
+    """A Matplotlib figure that shows itself in a cell, as a palette PNG, the same bytes each time.
 
-    fig.frozen = True    the axes stay where the layout has put them, which saves most of the time of a redraw
+    Made by `figure`.
+
+    fig.frozen = True    the axes stay where the layout has put them, which saves most of the time
+                         of a redraw
     fig.steady = True    limits do not follow the data
     """
 
@@ -201,6 +177,18 @@ class Figure(matplotlib.figure.Figure):
 
     def get_layout_engine(self) -> Any:
         return None if self.frozen else super().get_layout_engine()
+
+    def draw(self, renderer: Any) -> None:
+        self.tidy()
+        super().draw(renderer)
+
+    def tidy(self) -> None:
+        """Sets titles and legends anew in axes that have become narrower or wider by a quarter."""
+        for axes in self.axes:
+            if (headed := getattr(axes, "headed", None)) is not None:
+                wide = axes.get_position().width * self.get_figwidth()
+                if not 0.85 < wide / axes.roomed < 1.25:
+                    head(axes, *headed)
 
     def add_subplot(self, *arguments: Any, **options: Any) -> Axes:
         """fig.add_subplot(projection="polar"): as Matplotlib's, in the house style."""
@@ -210,11 +198,15 @@ class Figure(matplotlib.figure.Figure):
             return super().add_subplot(*arguments, **options)
 
     def png(self, dpi: float = PNG_DPI) -> bytes:
-        """fig.png() -> the picture as PNG bytes: a palette, no date, no version; artists marked animated included."""
+        """fig.png() -> the picture as PNG bytes: a palette, no date, no version.
+
+        Artists marked animated are in it.
+        """
         buffer, engine, before = io.BytesIO(), super().get_layout_engine(), (self.dpi, self.frozen)
         with style():
             try:
                 self.dpi = dpi
+                self.tidy()
                 if self.axes and engine is not None and not self.frozen:
                     engine.execute(self)
                 self.frozen = (
@@ -237,7 +229,10 @@ class Figure(matplotlib.figure.Figure):
         return _palette_png(rgb)
 
     def save_png(self, path: str | os.PathLike, dpi: float = PNG_DPI) -> Path:
-        """fig.save_png("spiral.png") -> path; written whole or not at all, ModelError when that fails."""
+        """fig.save_png("spiral.png") -> path, the file written.
+
+        Whole or not at all; ModelError when that fails.
+        """
         return _write(path, self.png(dpi))
 
     @property
@@ -246,6 +241,11 @@ class Figure(matplotlib.figure.Figure):
         width, height = self.get_size_inches()
         return round(width * CSS_DPI), round(height * CSS_DPI)
 
+    @property
+    def alt(self) -> str:
+        """What it shows, in words."""
+        return described(self)
+
     def _repr_png_(self) -> bytes:
         return self.png()
 
@@ -253,14 +253,16 @@ class Figure(matplotlib.figure.Figure):
         self, include: object = None, exclude: object = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         width, height = self.css_size
-        return {"image/png": self.png()}, {"image/png": {"width": width, "height": height}}
+        more = {"width": width, "height": height, "alt": self.alt}
+        return {"image/png": self.png()}, {"image/png": more}
 
 
 def _palette_png(rgb: Image.Image) -> bytes:
     """As many colours as fit into PNG_BYTES, of 128, 64, 32, 20 (and with 20 whatever it takes).
 
-    The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum coverage, which keeps
-    the hue of a single thin line where median cut spends the palette on shades of the background.
+    The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum
+    coverage, which keeps the hue of a single thin line where median cut spends the palette on
+    shades of the background.
     """
     counted = sorted(
         rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height),
@@ -304,14 +306,18 @@ def figure(
     widths: Sequence[float] | None = None,
     title: str = "",
 ) -> Figure:
-    """figure(2, 1, height=5) -> Figure with rows × columns axes in fig.axes (row by row), constrained layout, house style.
+    """figure(2, 1, height=5) -> Figure with rows × columns axes in fig.axes, row by row.
 
-    width, height in inches, 96 CSS pixels each; `heights` and `widths` are relative sizes of the rows and columns.
-    rows=0 gives an empty figure. Raises ModelError for sizes that make no picture.
+    In a constrained layout and in the house style.
+
+    width, height in inches, 96 CSS pixels each; `heights` and `widths` are relative sizes of the
+    rows and columns. rows=0 gives an empty figure. Raises ModelError for sizes that make no
+    picture.
     """
     if not (1 <= width <= 40 and 0.5 <= height <= 60):
         raise ModelError(
-            f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in 0.5 … 60"
+            f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in "
+            "0.5 … 60"
         )
     if rows < 0 or columns < 0 or rows * columns > 100:
         raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
@@ -334,9 +340,12 @@ def figure(
 
 @contextmanager
 def style() -> Iterator[None]:
-    """with style(): artists made inside have the house style; the user's rcParams are as before afterwards.
+    """with style(): artists made inside have the house style.
 
-    One thread at a time: Jupyter lets panels answer in a thread of their own while a cell draws, and rcParams belong to all.
+    The user's rcParams are as before afterwards.
+
+    One thread at a time: Jupyter lets panels answer in a thread of their own while a cell draws,
+    and rcParams belong to all.
     """
     with _one_at_a_time, rc_context({**STYLE, "axes.prop_cycle": matplotlib.cycler(color=COLORS)}):
         yield
@@ -346,12 +355,18 @@ _one_at_a_time = threading.RLock()
 
 
 def mode_colors(system: System) -> dict[str, str]:
-    """mode_colors(system)["slip"] -> the colour that this mode has in every picture: by its place in system.modes."""
+    """mode_colors(system)["slip"] -> the colour that this mode has in every picture.
+
+    It goes by the mode's place in system.modes.
+    """
     return {name: COLORS[i % len(COLORS)] for i, name in enumerate(system.modes)}
 
 
 def tint(color: str, strength: float = 0.15) -> tuple[float, float, float]:
-    """tint("#D55E00") -> the colour mixed with white: opaque, so that it looks the same whatever lies beneath."""
+    """tint("#D55E00") -> the colour mixed with white.
+
+    Opaque, so that it looks the same whatever lies beneath.
+    """
     return tuple(1 - strength * (1 - c) for c in to_rgb(color))  # type: ignore[return-value]
 
 
@@ -372,24 +387,27 @@ def label(system: System, *names: str) -> str:
 
 
 def head(axes: Axes, title: str, entries: Sequence[tuple[Artist, str]]) -> None:
-    """head(axes, "ball", [(line, "$y$")]): a title and, above the axes so that it never hides a curve, a legend.
+    """head(axes, "ball", [(line, "$y$")]): a title and, above the axes, a legend.
 
-    Side by side where both fit into the width of the axes, else the title stands above the legend. Widths are estimates.
+    So it never hides a curve. Side by side where both fit into the width of the axes, else the
+    title stands above the legend; a figure that has become narrower sets them anew.
     """
-    room = (
-        1.15 * axes.get_position().width * axes.get_figure().get_figwidth()
-    )  # the layout widens the axes later
-    widths = [
-        0.07 * len(re.sub(r"\\mathrm|[${}_]|(?<=\\\w)\w*", "", text)) + 0.5 for _, text in entries
-    ]
-    columns = max(1, min(len(entries), int(room / max(widths, default=1.0))))
+    wide = axes.get_position().width * axes.get_figure().get_figwidth()
+    room = 1.15 * wide if getattr(axes, "headed", None) is None else wide
+    axes.headed, axes.roomed = (title, list(entries)), wide  # the layout widens the axes at first
+    widths = [_inches(text, STYLE["legend.fontsize"]) + 0.5 for _, text in entries]
+    across = 0.0 if not widths else max(widths)
+    columns = max(1, min(len(entries), int(room / across) if across else 1))
+    rows = -(-len(entries) // columns)
     with style():
-        beside = 0.085 * len(title) + sum(widths) < room
+        beside = _inches(title, STYLE["axes.titlesize"]) + 0.2 + sum(widths) < room
         axes.set_title(
             title,
             loc="left",
-            pad=None if beside or not title else 6 + 16 * -(-len(entries) // columns),
+            pad=6 if beside or not title or not entries else 8 + 15 * rows,
         )
+        if legend := axes.get_legend():
+            legend.remove()
         if entries:
             axes.legend(
                 *zip(*entries, strict=True),
@@ -399,3 +417,11 @@ def head(axes: Axes, title: str, entries: Sequence[tuple[Artist, str]]) -> None:
                 borderaxespad=0.2,
                 borderpad=0.2,
             )
+
+
+def _inches(words: str, size: float) -> float:
+    """How wide words are, in the font of the house."""
+    if not words:
+        return 0.0
+    prop = FontProperties(family="DejaVu Sans", size=size)
+    return size_of_words(words, prop, words.count("$") > 1, 72.0)[0] / 72

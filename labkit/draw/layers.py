@@ -22,6 +22,7 @@ from ..runs import Runs
 from .figure import COLORS, DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
 from .plane import GRID, Limits, Plane, contour, find_equilibria, separatrices
 from .private import reshape
+from .ticks import said
 from .time import _jumps, _sample, _segments
 from .view import View
 
@@ -206,6 +207,9 @@ class Separatrices(Layer):
         for line, curves in zip(self.lines, found, strict=True):
             line.set_data(*_strung(curves))
 
+    def points(self) -> list[np.ndarray]:
+        return [line.get_xydata() for line in self.lines]
+
     def legend(self) -> list[tuple[Artist, str]]:
         names = ("into the saddle", "out of the saddle")
         pairs = zip(self.lines, names, strict=True)
@@ -268,16 +272,15 @@ class Equilibria(Layer):
             mark.set_data([x for x, _ in mine], [y for _, y in mine])
         taken: list[tuple[float, float, float, float]] = []
         for k, (text, (x, y, _, kind)) in enumerate(zip(self.words, self.found, strict=False)):
-            place = f"({x:.4g}, {y:.4g})".replace("-", "−")
+            place = f"({said(x)}, {said(y)})"
             words = (
                 f"{kind}\n{place}" if len(self.found) <= 3 else kind.replace(" ", "\n", 1)
             )  # short where the marks stand close
             side, up = self._free_corner(
                 (x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken
             )
-            if self._said.get(k) != (
-                said := (words, x, y, side, up)
-            ):  # else a picture need not be sent words that it has
+            new = words, x, y, side, up
+            if self._said.get(k) != new:  # else a picture need not be sent words that it has
                 text.set(
                     text=words,
                     visible=True,
@@ -286,7 +289,7 @@ class Equilibria(Layer):
                 )
                 text.xy = (x, y)
                 text.set_position((9 * side, 7 * up))
-                self._said[k] = said
+                self._said[k] = new
         for k in [k for k in self._said if k >= len(self.found)]:
             self.words[k].set_visible(False)
             del self._said[k]
@@ -317,7 +320,8 @@ class Equilibria(Layer):
 class GuardLines(Layer):
     """Where the guards of the shown modes are zero: dashed, in the mode's colour, named.
 
-    Guards that change with time have no fixed line; `omitted` names them.
+    Guards that change with time have no fixed line; `omitted` names them. A mode in which the point
+    of the plane stands still (a body at rest) has none in it.
     """
 
     def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
@@ -354,22 +358,26 @@ class GuardLines(Layer):
                     text.set_in_layout(False)
                     self.words[mode, i] = text
         self.artists += self.words.values()
+        self._placed: dict[tuple[str, int], np.ndarray] = {}
         self.redo()
 
     def redo(self) -> None:
         limits, self.omitted = self.limits, []
-        taken: list[tuple[float, float]] = []
         named: list[
             tuple[str, list[np.ndarray]]
         ] = []  # two modes may turn on the same line by the same name: written once
+        self.curves: dict[tuple[str, int], list[np.ndarray]] = {}
         for mode, line in self.lines.items():
             curves = []
+            still = self.plane.stands_still(mode, limits)
             for i in self.plane.system.leaving[mode]:
                 if (mode, i) not in self.words:
                     continue
-                transition, text = self.plane.system.transitions[i], self.words[mode, i]
+                transition = self.plane.system.transitions[i]
                 found: list[np.ndarray] = []
-                if self.plane.guard_depends_on_time(transition, mode, limits):
+                if transition.guard is None or still:  # nothing moves across its guards
+                    pass
+                elif self.plane.guard_depends_on_time(transition, mode, limits):
                     self.omitted.append(transition.name)
                 else:
                     found = contour(
@@ -382,41 +390,91 @@ class GuardLines(Layer):
                     transition.name == name and _alike(found, others) for name, others in named
                 )
                 named.append((transition.name, found))
-                self._name(text, transition.name, [] if again else found, taken)
+                self.curves[mode, i] = [] if again else found
             line.set_data(*_strung(curves))
+        self.name()
+
+    def name(self, others: Sequence[Layer] = ()) -> None:
+        """layer.name(layers): puts the names where they lie on no other line, as far as that goes.
+
+        The names stay where they are until another place is clearly better.
+        """
+        (x0, x1), (y0, y1) = self.limits
+        corner, size = np.array([x0, y0]), np.array([x1 - x0, y1 - y0])
+        paths = {
+            key: [_dense((curve - corner) / size) for curve in curves]
+            for key, curves in self.curves.items()
+        }
+        drawn = [
+            (points - corner) / size
+            for layer in others
+            if isinstance(layer, Trajectories | Separatrices)
+            for points in layer.points()
+        ]
+        taken: list[np.ndarray] = []
+        for key, text in self.words.items():
+            mine = paths.get(key, [])
+            text.set_visible(bool(mine))
+            if not mine:
+                continue
+            rest = [part for other, parts in paths.items() if other != key for part in parts]
+            self._name(key, mine, np.concatenate([*rest, *drawn, np.zeros((0, 2))]), taken)
 
     def _name(
-        self, text: Any, name: str, curves: Sequence[np.ndarray], taken: list[tuple[float, float]]
+        self,
+        key: tuple[str, int],
+        mine: Sequence[np.ndarray],
+        lines: np.ndarray,
+        taken: list[np.ndarray],
     ) -> None:
-        """Puts the name beside the longest line.
+        """The place beside the longest line with the fewest points of other lines under the name.
 
-        At the top of a steep one, at the right end of a flat one, clear of names that are there.
+        Of places that are alike the one at the top of a steep line or the right of a flat one.
         """
-        text.set_visible(bool(curves))
-        if not curves:
-            return
-        (x0, x1), (y0, y1) = self.limits
-        unit = [(c - (x0, y0)) / (x1 - x0, y1 - y0) for c in curves]
-        curve = max(unit, key=lambda c: np.ptp(c, axis=0).max())
+        text, name = self.words[key], self.plane.system.transitions[key[1]].name
+        curve = max(mine, key=lambda c: np.ptp(c, axis=0).max())
         steep = np.ptp(curve[:, 1]) > np.ptp(curve[:, 0])
-        axis = 1 if steep else 0
-        aim = curve[:, axis].max()
-        while True:
-            spot = curve[np.argmin(np.abs(curve[:, axis] - aim))]
-            if aim < curve[:, axis].min() + 0.1 or all(
-                abs(spot[0] - a) > 0.3 or abs(spot[1] - b) > 0.06 for a, b in taken
-            ):
-                break
-            aim -= 0.07 if steep else 0.25
-        taken.append((float(spot[0]), float(spot[1])))
+        dpi, box = self.figure.dpi, self.axes.bbox
+        w, h = 0.068 * len(name) * dpi / box.width, 0.17 * dpi / box.height
+        dx, dy = 0.07 * dpi / box.width, 0.06 * dpi / box.height
+        order = np.argsort(-curve[:, 1 if steep else 0], kind="stable")
+        best: tuple[float, Any] = (np.inf, None)
+        before = self._placed.get(key)
+        for k, spot in enumerate(curve[order[:: max(1, len(order) // 14)]]):
+            for right in (1, 0):
+                for up in (0, 1) if steep else (1, 0):
+                    at = spot + [dx if right else -dx - w, dy if up else -dy - h]
+                    corners = np.array([at, at + [w, h]])
+                    outside = (corners < 0.0).any() or (corners > 1.0).any()
+                    over = sum(
+                        bool(np.all(corners[0] < b[1]) and np.all(corners[1] > b[0])) for b in taken
+                    )
+                    pad = 0.2 * np.array([dx, dy])
+                    hits = ((lines > corners[0] - pad) & (lines < corners[1] + pad)).all(axis=1)
+                    own = ((curve > corners[0]) & (curve < corners[1])).all(axis=1)
+                    cost = 100 * outside + 50 * over + hits.sum() + 3 * own.sum()
+                    cost += 0.02 * k + 0.005 * (1 - right)
+                    if before is not None and np.abs(corners - before).max() > 0.1:
+                        cost += 2
+                    if cost < best[0]:
+                        best = cost, (spot, right, up, corners)
+        spot, right, up, corners = best[1]
+        taken.append(corners)
+        self._placed[key] = corners
+        (x0, x1), (y0, y1) = self.limits
         text.xy = (x0 + spot[0] * (x1 - x0), y0 + spot[1] * (y1 - y0))
-        left = spot[0] > 0.7 or (not steep and spot[0] > 0.3)
-        text.set(
-            text=name,
-            ha="right" if left else "left",
-            va="top" if steep or spot[1] > 0.93 else "bottom",
-        )
-        text.set_position((-5 if left else 5, -5 if steep or spot[1] > 0.93 else 4))
+        text.set(text=name, ha="left" if right else "right", va="bottom" if up else "top")
+        text.set_position((5 if right else -5, 4 if up else -4))
+
+
+def _dense(curve: np.ndarray, gap: float = 0.02) -> np.ndarray:
+    """A polyline in units of the picture with points no further apart than `gap`."""
+    steps = np.hypot(*np.diff(curve, axis=0).T)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    if not np.isfinite(way[-1]) or way[-1] == 0 or way[-1] > 40:
+        return curve
+    places = np.linspace(0, way[-1], int(way[-1] / gap) + 2)
+    return np.column_stack([np.interp(places, way, curve[:, k]) for k in (0, 1)])
 
 
 def _alike(some: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> bool:
@@ -506,6 +564,12 @@ class Trajectories(Layer):
 
     def redo(self) -> None:
         self.set(self.runs)
+
+    def points(self) -> list[np.ndarray]:
+        """What lies on the picture, as places: at most 2000."""
+        x, y = np.ravel(self.runs[self.plane.x]), np.ravel(self.runs[self.plane.y])
+        few = slice(None, None, max(1, len(x) // 2000))
+        return [np.column_stack([x[few], y[few]])]
 
     def set(self, runs: Run | Runs) -> None:
         self.runs = runs

@@ -6,6 +6,7 @@ picture(m, "d", "R", contour=[30, 40, 60])          # what m.picture does
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,7 @@ __all__ = ["picture"]
 SHADES = "cividis"  # for all kinds of colour vision, and in grey print
 MAPS = 6  # the most side by side; of curves as many as there are colours
 NONE = "no result"
+NAMES = 10  # the most that stand along an axis
 
 
 def picture(
@@ -38,6 +40,7 @@ def picture(
     levels: int | Sequence[float] | None = None,
     label: str = "",
     log: Collection[str] | None = None,
+    even: Collection[str] = (),
     title: str = "",
     width: float = 0.0,
     height: float = 4.2,
@@ -49,6 +52,10 @@ def picture(
             raise ModelError(f"the sweep has no axis {name!r}; it has {listed(names)}")
     if x is not None and x == y:
         raise ModelError(f"x and y are both {x!r}: a map has two different axes")
+    if unknown := [name for name in (*(log or ()), *even) if name not in names]:
+        raise ModelError(f"the sweep has no axis {listed(unknown)}; it has {listed(names)}")
+    named = {name: np.array([_text(v, 3) for v in m.axes[name].tolist()]) for name in even}
+    m = replace(m, axes={**m.axes, **named})
     curves = len(names) == 1 or (len(names) == 2 and x is not None and y is None)
     order = [name for name in (x, y) if name] + [name for name in names if name not in (x, y)]
     log = _logarithmic(m) if log is None else log
@@ -124,10 +131,10 @@ def _label(m: Sweep, name: str) -> str:
     return _symbol(m, name) + (f" [{m.units[name]}]" if m.units.get(name) else "")
 
 
-def _text(value: object) -> str:
+def _text(value: object, digits: int = 4) -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
-    return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
+    return value if isinstance(value, str) else f"{value:.{digits}g}".replace("-", "−")
 
 
 def _logarithmic(m: Sweep) -> set[str]:
@@ -150,6 +157,8 @@ def _places(m: Sweep, name: str) -> np.ndarray:
 def _edges(places: np.ndarray, log: bool) -> np.ndarray:
     """Borders half way between the values, which may fall or stand in any order that rises."""
     at = np.log(places) if log else places.astype(float)
+    if len(set(np.sign(np.diff(at)))) > 1 or 0 in np.diff(at):
+        raise ModelError("the values along an axis of a map must rise or fall: sort them")
     middle = (at[1:] + at[:-1]) / 2
     first, last = (
         (at[0] - (middle[0] - at[0]), at[-1] + (at[-1] - middle[-1]))
@@ -276,7 +285,8 @@ def _ticks(ax: Axes, m: Sweep, order: list[str], log: Collection[str], curves: b
     for name, one in zip(order[: 1 if curves else 2], (ax.xaxis, ax.yaxis), strict=False):
         axis = m.axes[name]
         if axis.dtype.kind not in "fiu":
-            one.set_ticks(range(len(axis)), [_text(value) for value in axis.tolist()])
+            shown = range(0, len(axis), -(-len(axis) // NAMES))
+            one.set_ticks(list(shown), [_text(axis[k].item(), 3) for k in shown])
         elif name in log:
             low, high = axis.min(), axis.max()
             if high / low < 1e3:

@@ -1,8 +1,10 @@
-"""What a hand adds to a picture on the screen: handles to drag, a time cursor, a held run, trajectories that a click has started.
+"""What a hand adds to a picture on the screen.
 
-Handle(axes, "alpha", "beta")                        # in the list that a panel's `draw` returns: its place sets two parameters
-Handle(axes, place=lambda run: (…, …), values=lambda x, y: {"a": …, "b": …})
-Overlay(view.shows)
+Handles to drag, a time cursor, a held run, trajectories that a click has started.
+
+    Handle(axes, "alpha", "beta")         # its place sets two parameters; a panel's `draw` lists it
+    Handle(axes, place=lambda run: (…, …), values=lambda x, y: {"a": …, "b": …})
+    Overlay(view.shows)
 """
 
 from __future__ import annotations
@@ -23,11 +25,15 @@ __all__ = ["Handle", "Overlay"]
 
 
 class Handle(View):
-    """Handle(axes, "x", "v"): a dot that mouse, finger and arrow keys move; its place sets parameters or start values.
+    """Handle(axes, "x", "v"): a dot that mouse, finger and arrow keys move.
 
-    names    two parameters or states: the dot stands at their values, (x, v), in the coordinates of the axes
+    Its place sets parameters or start values.
+
+    names    two parameters or states: the dot stands at their values, (x, v), in the coordinates of
+             the axes
     place    place(run) -> (x, y), where the dot stands for a run, if that is something else
-    values   values(x, y) -> {name: value} for a new place, if that is something else; may be fewer or more than two
+    values   values(x, y) -> {name: value} for a new place, if that is something else; may be fewer
+             or more than two
     A panel clips the values to the ranges of the sliders. Raises ModelError when names are missing.
     """
 
@@ -77,7 +83,8 @@ class Handle(View):
 class Overlay(View):
     """Overlay(shows): artists over the axes of a view; all are empty at first.
 
-    overlay.point(run, t)   the cursor: a line in time plots, a dot on every curve; t = None takes it away
+    overlay.point(run, t)   the cursor: a line in time plots, a dot on every curve; t = None takes
+                            it away
     overlay.hold(run)       the run as a grey ghost; None takes it away
     overlay.add(runs)       trajectories that clicks have started, in all planes
     """

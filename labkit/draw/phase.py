@@ -32,6 +32,7 @@ from .layers import (
     stage,
 )
 from .plane import GRID, Limits, Plane
+from .ticks import said
 from .view import Shows, View, Window, _proper, extent
 
 __all__ = [
@@ -306,7 +307,13 @@ class PhasePortrait(View):
             for artist in part.artists
         ]
         self._seen = self._state()
+        self._name_guards()
         self._write()
+
+    def _name_guards(self) -> None:
+        for part in self.layers:
+            if isinstance(part, GuardLines):
+                part.name(self.layers)
 
     @property
     def system(self) -> System:
@@ -328,7 +335,9 @@ class PhasePortrait(View):
         if timed and (field or without):
             self.notes.append(
                 "flow depends on time: "
-                + ", ".join(filter(None, [f"arrows at t = {plane.t:g}" if field else "", without]))
+                + ", ".join(
+                    filter(None, [f"arrows at t = {said(plane.t)}" if field else "", without])
+                )
             )
         elif not flat and (field or without):
             self.notes.append(
@@ -468,6 +477,7 @@ class PhasePortrait(View):
             for part in self.layers:
                 if not isinstance(part, Trajectories):
                     part.redo()
+            self._name_guards()
         self._seen = self._state()
         if list(self._entries()) != self._named:
             self._write()

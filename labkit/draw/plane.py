@@ -257,6 +257,10 @@ class Plane:
                     found[(found == i) & beyond] = -1
         return found.reshape(np.shape(X))
 
+    def stands_still(self, mode: str, limits: Limits) -> bool:
+        """plane.stands_still("rest", limits) -> whether no point of the picture moves in a mode."""
+        return not any(np.any(rate != 0) for rate in self.flow_on_grid(mode, limits, 5))
+
     def depends_on_time(self, limits: Limits, horizon: float = 10.0) -> bool:
         """True when a flow shown takes other values at other instants.
 

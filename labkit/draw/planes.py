@@ -112,8 +112,11 @@ class Planes(View):
             )
             letter = split_name(first)[0]
             letter = f"${letter}$" if letter.startswith("\\") else letter
-            head(self.axes[1], f"{letter}-plane: after S", entries)
-            self.axes[0].set(xlabel="$z_1$", ylabel="$z_2$")
+            # beside two entries there is no room for more words
+            head(self.axes[1], f"{letter}-plane" + ("" if shaded else ": after S"), entries)
+            units = {self.system.unit(name) for name in (first, second)}
+            of_z = f" [{units.pop()}]" if len(units) == 1 and units != {""} else ""
+            self.axes[0].set(xlabel=f"$z_1${of_z}", ylabel=f"$z_2${of_z}")
             self.axes[1].set(xlabel=label(self.system, first), ylabel=label(self.system, second))
         for ax in self.axes:
             ax.set_aspect("equal", adjustable="box")
@@ -155,6 +158,7 @@ class Planes(View):
         ):
             side.set(
                 T,
+                self._flag(S),
                 origin,
                 np.asarray(Lambda, dtype=float),
                 curves,
@@ -174,6 +178,14 @@ class Planes(View):
             ):
                 ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
 
+    def _flag(self, S: np.ndarray) -> float:
+        """How large the F is in the z-plane.
+
+        Its image reaches over two thirds of a half at most.
+        """
+        far = np.hypot(*(FLAG @ np.asarray(S, dtype=float).T).T).max()
+        return min(self.reach[0] / 8, 0.67 * self.reach[1] / far)
+
 
 class _Side:
     """One plane: what is drawn in it, and how it follows a transformation s = T z + origin."""
@@ -182,15 +194,16 @@ class _Side:
         def line(**look: object) -> Line2D:
             return ax.add_line(Line2D([], [], **look))  # type: ignore[arg-type]
 
-        self.lattice = line(color=tint(COLORS[5], 0.6), linewidth=0.8, zorder=1)
+        self.lattice = line(color=tint(COLORS[5], 0.75), linewidth=0.8, zorder=1)
         self.flag = ax.add_patch(
             Polygon(
                 FLAG,
                 closed=True,
-                facecolor=tint(COLORS[4], 0.55),
-                edgecolor=COLORS[4],
+                facecolor=tint(COLORS[4], 0.6),
+                edgecolor=tint("#8A5F00", 0.9),
                 linewidth=1.2,
-                zorder=1.2,
+                joinstyle="round",
+                zorder=2.15,
             )
         )
         self.curves = line(color=COLORS[0], linewidth=1.0, zorder=2)
@@ -221,6 +234,7 @@ class _Side:
     def set(
         self,
         T: np.ndarray,
+        flag: float,
         origin: np.ndarray,
         Lambda: np.ndarray,
         curves: np.ndarray,
@@ -233,7 +247,7 @@ class _Side:
             line.set_data(*(points @ T.T + origin).T)
 
         show(self.lattice, _lattice(2.0 ** np.round(np.log2(2 * unit))))
-        self.flag.set_xy(unit * FLAG @ T.T + origin)
+        self.flag.set_xy(flag * FLAG @ T.T + origin)
         show(self.curves, curves)
         at, way = arrows @ T.T, arrows @ Lambda.T @ T.T
         self.arrows.set_data(*(arrow_heads(at, way, 0.05 * reach) + origin).T)

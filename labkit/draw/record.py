@@ -1,16 +1,22 @@
-"""What Matplotlib draws, as strokes that a browser can repeat: one set of artists for the screen and for print.
+"""What Matplotlib draws, as strokes that a browser can repeat.
+
+One set of artists for the screen and for print.
 
     scene = Scene(view)
-    message, buffers = scene.picture(ratio=2.0)       # everything at first, then only what has changed since
-    Recorder(agg)                                     # the renderer alone: artist.draw(recorder); recorder.take()
+    message, buffers = scene.picture(ratio=2.0)   # everything at first, then only what has changed
+    Recorder(agg)                                 # the renderer: artist.draw(recorder); .take()
 
-A message says {"size": [width, height], "order": [part, …], "ops": {part: [op, …]}}, `order` only when the still part is new. Parts are
-drawn in that order: "s0", "s1", … are the still pieces, "m0", "m1", … the moving artists. Points are
-pixels of the device, y downwards, in one float32 buffer; (NaN, 0) lifts the pen, (NaN, 1) closes the stroke. An op has
-  n                   number of its points; and with them stroke, width, dash, cap, join, fill, clip [x, y, width, height]
-  apart               each stroke is laid over those before it, where otherwise all of them make one shape
+A message says {"size": [width, height], "order": [part, …], "ops": {part: [op, …]}}, `order` only
+when the still part is new. Parts are drawn in that order: "s0", "s1", … are the still pieces, "m0",
+"m1", … the moving artists. Points are pixels of the device, y downwards, in one float32 buffer;
+(NaN, 0) lifts the pen, (NaN, 1) closes the stroke. An op has
+  n                   number of its points; and with them stroke, width, dash, cap, join, fill, clip
+                      [x, y, width, height]
+  apart               each stroke is laid over those before it, where otherwise all of them make one
+                      shape
   at                  the stroke is a marker: its number of places, which follow its n points
-  image [x, y, w, h]  a bitmap of the second buffer: of one channel, the cover of the colour `fill` (text), or "rgba"
+  image [x, y, w, h]  a bitmap of the second buffer: of one channel, the cover of the colour `fill`
+                      (text), or "rgba"
 """
 
 from __future__ import annotations
@@ -32,25 +38,26 @@ from matplotlib.transforms import Affine2D, Transform
 from PIL import Image
 
 from .figure import CSS_DPI, style
+from .private import measure_as
 
 __all__ = ["Recorder", "Scene"]
 
 
 class Recorder(RendererBase):
-    """Recorder(agg): a Matplotlib renderer of the size and resolution of a RendererAgg that notes strokes instead of drawing them.
+    """Recorder(agg): a Matplotlib renderer that notes strokes instead of drawing them.
 
-    Paths are cleaned as Agg does it (no NaN, cut off outside, snapped to pixels, simplified); curves become polylines. What has no
-    counterpart here (images, hatches, clipping by a curve, shaded triangles) Agg draws, and a bitmap of it is noted.
+    Of the size and resolution of a RendererAgg.
+
+    Paths are cleaned as Agg does it (no NaN, cut off outside, snapped to pixels, simplified);
+    curves become polylines. What has no counterpart here (images, hatches, clipping by a curve,
+    shaded triangles) Agg draws, and a bitmap of it is noted.
     """
 
     def __init__(self, agg: RendererAgg):
         super().__init__()
         self.agg, self.width, self.height, self.dpi = agg, agg.width, agg.height, agg.dpi
         self.flip = Affine2D().scale(1, -1).translate(0, self.height)
-        self.get_text_width_height_descent, self._get_font_height_metrics = (
-            agg.get_text_width_height_descent,
-            agg._get_font_height_metrics,
-        )
+        measure_as(self, agg)
         self.get_canvas_width_height, self.points_to_pixels = (
             agg.get_canvas_width_height,
             agg.points_to_pixels,
@@ -66,7 +73,7 @@ class Recorder(RendererBase):
         self.ops, self.points, self.bitmaps = [], [], []
         return taken
 
-    # -- strokes --------------------------------------------------------------------------------------------------------
+    # -- strokes -----------------------------------------------------------------------------------
 
     def draw_path(
         self, gc: GraphicsContextBase, path: Path, transform: Transform, rgbFace: Any = None
@@ -86,7 +93,8 @@ class Recorder(RendererBase):
                 if rgbFace is not None
                 else (x - margin, y - margin, x + w + margin, y + h + margin)
             )
-            # Where a stroke runs over another, Agg adds up what both cover of a pixel; so does one laid over the other, if it hides what is below.
+            # Where a stroke runs over another, Agg adds up what both cover of a pixel; so does one
+            # laid over the other, if it hides what is below.
             apart = self._apart or (rgbFace is None and look["stroke"].endswith("ff"))
             self._note(
                 look | ({"apart": True} if apart else {}),
@@ -235,7 +243,7 @@ class Recorder(RendererBase):
             self.ops.append({**look, "n": len(points[0])})
             self.points.extend(points)
 
-    # -- bitmaps --------------------------------------------------------------------------------------------------------
+    # -- bitmaps -----------------------------------------------------------------------------------
 
     def draw_text(
         self,
@@ -326,7 +334,11 @@ def _polyline(
     width: float,
     area: tuple[float, float, float, float] | None,
 ) -> np.ndarray:
-    """The cleaned path as points (n, 2), a NaN in x where the pen goes up (y = 0) or the stroke is closed (y = 1). No area: nothing is cut off."""
+    """The cleaned path as points (n, 2).
+
+    A NaN in x where the pen goes up (y = 0) or the stroke is closed (y = 1). No area: nothing is
+    cut off.
+    """
     clean = path.cleaned(
         transform,
         remove_nans=True,
@@ -357,7 +369,10 @@ def _cut(pixels: np.ndarray, x: int, y: int) -> tuple[np.ndarray, int, int]:
 
 
 def _fix_colors(artist: Artist) -> None:
-    """Lines look up a colour of the cycle, "C1", whenever they are drawn; entering the house style for each picture would take longer than drawing it."""
+    """Lines look up a colour of the cycle, "C1", whenever they are drawn.
+
+    Entering the house style for each picture would take longer than drawing it.
+    """
     if isinstance(artist, Line2D):
         for part in ("color", "markerfacecolor", "markeredgecolor"):
             if (
@@ -369,11 +384,15 @@ def _fix_colors(artist: Artist) -> None:
 
 
 class Scene:
-    """Scene(view): the figure of a view as messages for a canvas; of its moving artists only those that were changed are drawn again.
+    """Scene(view): the figure of a view as messages for a canvas.
 
-    scene.picture(ratio)    -> message, buffers: what has changed; `ratio` is the number of device pixels to one CSS pixel
-    Anything else that changes (limits, a title) is noticed by Matplotlib's own `stale`; then all is drawn again. Axes keep their places, so that
-    nothing jumps under the hand, until `settled` asks for a new layout. `everything` says that nothing is known there yet.
+    Of its moving artists only those that were changed are drawn again.
+
+    scene.picture(ratio)    -> message, buffers: what has changed; `ratio` is the number of device
+                            pixels to one CSS pixel
+    Anything else that changes (limits, a title) is noticed by Matplotlib's own `stale`; then all is
+    drawn again. Axes keep their places, so that nothing jumps under the hand, until `settled` asks
+    for a new layout. `everything` says that nothing is known there yet.
     """
 
     def __init__(self, view: Any):
@@ -427,7 +446,10 @@ class Scene:
         ]
 
     def bitmap(self) -> bytes:
-        """scene.bitmap() -> the whole picture as JPEG, drawn by Agg: for pictures with more points than a browser can stroke in time."""
+        """scene.bitmap() -> the whole picture as JPEG, drawn by Agg.
+
+        For pictures with more points than a browser can stroke in time.
+        """
         renderer = self.figure.canvas.get_renderer()
         with style():
             self.figure.draw(renderer)
@@ -450,7 +472,10 @@ class Scene:
         return file.getvalue()
 
     def _draw_still(self, settled: bool) -> None:
-        """Lets the figure draw itself; where it comes to a moving artist, a new part begins. Axes that stay as they are, while others are zoomed, repeat theirs."""
+        """Lets the figure draw itself; where it comes to a moving artist, a new part begins.
+
+        Axes that stay as they are, while others are zoomed, repeat theirs.
+        """
         stale = [
             axes for axes in self.figure.axes if axes.stale
         ]  # as long as Figure.draw has not declared all of them so

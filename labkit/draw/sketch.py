@@ -60,7 +60,10 @@ CHARACTERISTICS: dict[str, Sequence[Point]] = {
 
 @dataclass(frozen=True)
 class Box:
-    """Where a piece stands: box.left, .right, .top, .bottom, .center are points to attach the next piece to."""
+    """Where a piece stands.
+
+    box.left, .right, .top, .bottom, .center are points to attach the next piece to.
+    """
 
     center: Point
     width: float
@@ -96,10 +99,13 @@ class Span:
 
 
 class Sketch(View):
-    """Sketch(width, height): an empty sketch, coordinates in inches from the lower left corner, y upwards.
+    """Sketch(width, height): pieces of a drawing in words.
 
-    Every method adds a piece at points (x, y) and returns its Box or Span, whose points (m.right, k.end) take the next piece.
-    Labels may hold mathtext ("$k_1$") and stand on a white halo. Angles are in degrees. `sketch.axes` is open to all of Matplotlib.
+    An empty sketch, coordinates in inches from the lower left corner, y upwards.
+
+    Every method adds a piece at points (x, y) and returns its Box or Span, whose points (m.right,
+    k.end) take the next piece. Labels may hold mathtext ("$k_1$") and stand on a white halo. Angles
+    are in degrees. `sketch.axes` is open to all of Matplotlib.
     """
 
     def __init__(self, width: float = 8.0, height: float = 3.0):
@@ -114,7 +120,7 @@ class Sketch(View):
     def update(self, run: Any) -> None:
         raise ModelError("a sketch does not show a run: it has nothing to update")
 
-    # -- plain pieces ---------------------------------------------------------------------------------------------------
+    # -- plain pieces ------------------------------------------------------------------------------
 
     def line(
         self, *points: Point, color: str = INK, width: float = 1.4, dashed: bool = False
@@ -148,7 +154,7 @@ class Sketch(View):
         with style():
             self.axes.text(
                 *at,
-                label,
+                label.replace("\\frac", "\\dfrac"),  # as large as the words beside it
                 color=color,
                 fontsize=size,
                 ha=align,
@@ -163,7 +169,10 @@ class Sketch(View):
     def arrow(
         self, start: Point, end: Point, label: str = "", color: str = COLORS[1], side: str = "end"
     ) -> Span:
-        """s.arrow(m.right, (5, 1), "$F$"): a force or velocity; the label stands at the "end", "above" or "below" the middle."""
+        """s.arrow(m.right, (5, 1), "$F$"): a force or velocity.
+
+        The label stands at the "end", "above" or "below" the middle.
+        """
         self._arrow((start, end), color, 2.0)
         self._label_along(start, end, label, side, 0.2, color)
         return Span(start, end)
@@ -175,7 +184,10 @@ class Sketch(View):
         return Span(origin, end)
 
     def dimension(self, start: Point, end: Point, label: str = "", offset: float = 0.0) -> Span:
-        """s.dimension((1, 1), (4, 1), "$x$", offset=-0.4): a length with ticks, moved by `offset` to the left of its direction."""
+        """s.dimension((1, 1), (4, 1), "$x$", offset=-0.4).
+
+        A length with ticks, moved by `offset` to the left of its direction.
+        """
         (ax, ay), (nx, ny) = _direction(start, end)
         a, b = ((x + offset * nx, y + offset * ny) for x, y in (start, end))
         for point, moved in ((start, a), (end, b)):
@@ -211,10 +223,13 @@ class Sketch(View):
             )
         return Span(a, b)
 
-    # -- mechanisms -----------------------------------------------------------------------------------------------------
+    # -- mechanisms --------------------------------------------------------------------------------
 
     def ground(self, start: Point, end: Point) -> Span:
-        """s.ground((0, 1), (6, 1)): a fixed surface, hatched on the right as one goes from start to end (here below)."""
+        """s.ground((0, 1), (6, 1)).
+
+        A fixed surface, hatched on the right as one goes from start to end (here below).
+        """
         (ax, ay), (nx, ny) = _direction(start, end)
         length = hypot(end[0] - start[0], end[1] - start[1])
         along = np.linspace(0.1, length, max(2, round(length / 0.14)))
@@ -254,7 +269,10 @@ class Sketch(View):
         fill: str = FILL,
         angle: float = 0.0,
     ) -> Box:
-        """s.block((2.5, 1.1), 1.4, 1.0, "$m$"): a body, or a block of a diagram, round its centre; turned by `angle`."""
+        """s.block((2.5, 1.1), 1.4, 1.0, "$m$").
+
+        A body, or a block of a diagram, round its centre; turned by `angle`.
+        """
         _points(center)
         x, y = center
         self.axes.add_patch(
@@ -293,7 +311,10 @@ class Sketch(View):
         width: float = 0.3,
         side: str = "above",
     ) -> Span:
-        """s.spring(m.right, (6, 1), "$k$"): a zigzag with straight ends; the label stands "above" (or right of an upright one) or "below" it."""
+        """s.spring(m.right, (6, 1), "$k$"): a zigzag with straight ends.
+
+        The label stands "above" (or right of an upright one) or "below" it.
+        """
         along, across = _direction(start, end)
         length = hypot(end[0] - start[0], end[1] - start[1])
         lead = min(0.18 * length, 0.3)
@@ -323,7 +344,10 @@ class Sketch(View):
     def damper(
         self, start: Point, end: Point, label: str = "", width: float = 0.36, side: str = "above"
     ) -> Span:
-        """s.damper((1, 1), m.left, "$c$"): a dashpot, its cup towards the start; `side` as for a spring."""
+        """s.damper((1, 1), m.left, "$c$"): a dashpot, its cup towards the start.
+
+        `side` as for a spring.
+        """
         (ax, ay), (nx, ny) = _direction(start, end)
         length = hypot(end[0] - start[0], end[1] - start[1])
         cup, half = min(0.4, 0.45 * length), width / 2
@@ -359,7 +383,10 @@ class Sketch(View):
         bob: str = "",
         radius: float = 0.18,
     ) -> Box:
-        """s.pendulum((3, 2.6), 1.8, 30, "$\\\\varphi$", bob="$m$"): pivot, rod, bob, vertical and the angle from it (degrees). Returns the bob's Box."""
+        """s.pendulum((3, 2.6), 1.8, 30, "$\\\\varphi$", bob="$m$").
+
+        Pivot, rod, bob, vertical and the angle from it (degrees). Returns the bob's Box.
+        """
         x, y = pivot
         end = (x + length * sin(radians(angle)), y - length * cos(radians(angle)))
         way = -1.0 if abs(angle) > 90 else 1.0  # an inverted pendulum's angle is drawn from above
@@ -400,14 +427,17 @@ class Sketch(View):
             )
         return self.ball(end, radius, bob)
 
-    # -- block diagrams -------------------------------------------------------------------------------------------------
+    # -- block diagrams ----------------------------------------------------------------------------
 
     def integrator(self, center: Point, label: str = "$\\int$", size: float = 0.7) -> Box:
         """s.integrator((5, 1)): a square block with an integral sign."""
         return self.block(center, size, size, label, fill="white")
 
     def sum(self, center: Point, signs: str = "+ −", radius: float = 0.16) -> Box:
-        """s.sum((2, 1), "+ −"): a summing point; the signs stand at its left and lower input (a third one above)."""
+        """s.sum((2, 1), "+ −"): a summing point.
+
+        The signs stand at its left and lower input (a third one above).
+        """
         self.axes.add_patch(
             Circle(center, radius, facecolor="white", edgecolor=INK, linewidth=1.4, zorder=4)
         )
@@ -421,9 +451,12 @@ class Sketch(View):
         return Box(center, 2 * radius, 2 * radius)
 
     def connect(self, *points: Point, label: str = "", dot: bool = False) -> Span:
-        """s.connect(a.right, (4, 2), b.left, label="$x$"): a signal line with an arrow at its end; turns at right angles where points are not in line.
+        """s.connect(a.right, (4, 2), b.left, label="$x$").
 
-        dot=True marks the start as a branch. The label stands above the longest stretch that is level.
+        A signal line with an arrow at its end; turns at right angles where points are not in line.
+
+        dot=True marks the start as a branch. The label stands above the longest stretch that is
+        level.
         """
         _points(*points)
         path = [points[0]]
@@ -452,13 +485,17 @@ class Sketch(View):
         height: float = 0.8,
         label: str = "",
     ) -> Box:
-        """s.characteristic((3, 1), "hysteresis"): a block with a little characteristic drawn inside; the label stands above it.
+        """s.characteristic((3, 1), "hysteresis").
 
-        kind: one of CHARACTERISTICS, or points in the square −1 … 1. Raises ModelError for an unknown kind.
+        A block with a little characteristic drawn inside; the label stands above it.
+
+        kind: one of CHARACTERISTICS, or points in the square −1 … 1. Raises ModelError for an
+        unknown kind.
         """
         if isinstance(kind, str) and kind not in CHARACTERISTICS:
             raise ModelError(
-                f"there is no little characteristic {kind!r}; there are {', '.join(CHARACTERISTICS)}, or give points"
+                f"there is no little characteristic {kind!r}; there are "
+                f"{', '.join(CHARACTERISTICS)}, or give points"
             )
         shape = np.array(CHARACTERISTICS[kind] if isinstance(kind, str) else kind, dtype=float)
         box = self.block(center, width, height, fill="white")
@@ -507,7 +544,7 @@ class Sketch(View):
         self._label_along(start, end, label, "above", lift + 0.2, INK)
         return Span(start, end)
 
-    # -- helpers --------------------------------------------------------------------------------------------------------
+    # -- helpers -----------------------------------------------------------------------------------
 
     def _arrow(self, ends: Sequence[Point], color: str, width: float, head: float = 14) -> None:
         _points(*ends)
@@ -576,13 +613,16 @@ def _direction(start: Point, end: Point) -> tuple[Point, Point]:
 
 
 class Motion(View):
-    """Motion(axes, draw, width, height): a sketch that moves with the run, in axes of a figure; it goes into the list that a panel's `draw` returns.
+    """Motion(axes, draw, width, height): a sketch that moves with the run, in axes of a figure.
 
-        def draw(sketch, s):                                # s.t, s.mode, states and outputs of that instant, and the parameters s.p
+    It goes into the list that a panel's `draw` returns.
+
+        def draw(sketch, s):        # s.t, s.mode, states and outputs of that instant, and s.p
             sketch.pendulum((3, 2.5), 2, degrees(s.phi))
         Motion(fig.axes[2], draw, 6, 3)
 
-    The sketch is `width` × `height`, in coordinates of its own, y upwards; it has the methods of a Sketch. Labels cost time: one or two.
+    The sketch is `width` × `height`, in coordinates of its own, y upwards; it has the methods of a
+    Sketch. Labels cost time: one or two.
     """
 
     def __init__(
@@ -611,7 +651,10 @@ class Motion(View):
 
 
 class _Pieces(Artist):
-    """Many artists as one, that can be replaced without declaring the axes changed; takes what a Sketch adds."""
+    """Many artists as one, that can be replaced without declaring the axes changed.
+
+    Takes what a Sketch adds.
+    """
 
     def __init__(self, axes: Axes):
         super().__init__()

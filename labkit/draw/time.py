@@ -27,6 +27,7 @@ from .figure import (
     DASHES,
     FAINT,
     INK,
+    VEIL,
     Figure,
     figure,
     head,
@@ -36,8 +37,10 @@ from .figure import (
     symbol,
     tint,
 )
-from .private import reshape
+from .private import closed, reshape
+from .ticks import over_time
 from .view import Shows, View, Window, extent
+from .words import EVENTS, MODE
 
 __all__ = ["TimePlot", "time_plot"]
 
@@ -165,6 +168,7 @@ class TimePlot(View):
 
     def _write(self, title: str | None, labels: Sequence[str], legend: bool) -> None:
         top = self.axes[0]
+        self._few = bool(self._modes) and self._modes[0].few
         for ax, group, panel in zip(self.axes, self.groups, self._curves, strict=True):
             entries: list[tuple[Artist, str]] = []
             if len(group) > 1:
@@ -180,10 +184,10 @@ class TimePlot(View):
             if self._modes and ax is top:
                 entries += [
                     (
-                        Patch(facecolor=tint(color, 2 * BANDS[k % len(BANDS)]), edgecolor="none"),
+                        Patch(facecolor=color, edgecolor=FAINT, linewidth=0.5, gid=MODE),
                         mode,
                     )
-                    for k, (mode, color) in enumerate(mode_colors(self.system).items())
+                    for mode, color in zip(self.system.modes, self._modes[0].tints, strict=True)
                 ]
             head(
                 ax,
@@ -196,7 +200,7 @@ class TimePlot(View):
                     ax.get_shared_x_axes().joined(ax, other)
                     for other in self.axes[self.axes.index(ax) + 1 :]
                 ):
-                    ax.set_xlabel(label(self.system, "t"))
+                    over_time(ax, symbol("t"), self.system.time)
 
     def update(self, run: Data) -> None:
         """view.update(run): shows another run (as many runs as at first) of the same system.
@@ -219,7 +223,19 @@ class TimePlot(View):
         moved = [window.fit(*span) for window in self._x] + [
             window.fit(*between) for window, between in zip(self._y, ranges, strict=True)
         ]
-        self.relimited = any(moved)
+        self.relimited = self._recolor() or any(moved)
+
+    def _recolor(self) -> bool:
+        """The legend has the colours that the modes have: as bands, or in a strip."""
+        headed = getattr(self.axes[0], "headed", None)
+        samples = [artist for artist, _ in headed[1] if artist.get_gid() == MODE] if headed else []
+        if not samples or self._few == self._modes[0].few:
+            return False
+        self._few = self._modes[0].few
+        for sample, color in zip(samples, self._modes[0].tints, strict=True):
+            sample.set_facecolor(color)
+        head(self.axes[0], *headed)
+        return True
 
 
 def _listed(run: Data) -> tuple[list[str], list[Run | Runs]]:
@@ -357,6 +373,7 @@ class _Events:
             linewidth=0.7,
             alpha=0.75,
             zorder=1.5,
+            gid=EVENTS,
             transform=ax.get_xaxis_transform(),
         )
         self.artists = [self.line]
@@ -369,37 +386,90 @@ class _Events:
 
 
 class _Modes:
-    """The background in the colour of the mode.
+    """The background in the colour of the mode, one artist a mode.
 
-    When modes change very often, a strip at the bottom. One artist a mode.
+    When modes change often, a strip at the bottom; when so often that one could not tell them
+    apart, the strip shows, from place to place, the share of the time that each mode takes.
     """
 
     def __init__(self, ax: Axes, system: System):
         self.colors = mode_colors(system)
-        self.artists = [
+        self.patches = [
             PathPatch(
                 Path(np.zeros((0, 2))), linewidth=0, zorder=0.4, transform=ax.get_xaxis_transform()
             )
             for _ in self.colors
         ]
-        for patch in self.artists:
+        for patch in self.patches:
             ax.add_artist(patch)
+        self.words = ax.annotate(
+            "",
+            (0.0, 0.0),
+            xycoords="axes fraction",
+            xytext=(3, 2),
+            textcoords="offset points",
+            fontsize=8.5,
+            color=INK,
+            zorder=6,
+            bbox=VEIL,
+        )
+        self.words.set_in_layout(False)
+        self.artists = [*self.patches, self.words]
+
+    @property
+    def tints(self) -> list[tuple[float, float, float]]:
+        """The colours as they look, for a legend."""
+        strengths = BANDS if self.few else (STRIP,)
+        colors = enumerate(self.colors.values())
+        return [tint(color, strengths[k % len(strengths)]) for k, color in colors]
 
     def set(self, run: Run) -> None:
         ends = np.flatnonzero(np.diff(run.mode_index)) + 1
         first = np.append(0, ends)
         left, right = run.t[first], np.append(run.t[first[1:]], run.t[-1])
         index = run.mode_index[first]
-        few = len(index) <= FEW
-        height = 1.0 if few else 0.035
-        for i, (patch, color) in enumerate(zip(self.artists, self.colors.values(), strict=True)):
-            reshape(patch, _boxes(left[index == i], right[index == i], height))
+        self.few, many = len(index) <= FEW, len(index) > MANY
+        height, low = (1.0 if self.few else SHARED if many else 0.035), np.zeros(SLOTS + 1)
+        for i, (patch, color) in enumerate(zip(self.patches, self.colors.values(), strict=True)):
+            mine = index == i
+            if many:
+                shares = _shares(left[mine], right[mine], run.t[0], run.t[-1])
+                path, low = _stack(run.t[0], run.t[-1], low, low + height * shares)
+            else:
+                path = _boxes(left[mine], right[mine], height)
+            reshape(patch, path)
             patch.set_facecolor(
-                (*to_rgb(color), BANDS[i % len(BANDS)] if few else 0.8)
+                (*to_rgb(color), BANDS[i % len(BANDS)] if self.few else STRIP)
             )  # see-through: a panel may draw it over the grid
-            patch.set_antialiased(
-                not few
-            )  # few: sharp edges without seams; many: pixels show the share of the modes
+            patch.set_antialiased(False)  # sharp edges without seams
+        words = "share of the time" if many else ""
+        if words != self.words.get_text():
+            self.words.set_text(words)
+            self.words.set_position((3, 2))
+            self.words.xy = (0.0, SHARED)
+
+
+# More stretches of modes than MANY are finer than a pixel or two: instead the share of each mode at
+# SLOTS + 1 places, over a window of WIDE of the whole time
+MANY, SLOTS, WIDE, SHARED, STRIP = 300, 150, 0.04, 0.07, 0.8
+
+
+def _shares(left: np.ndarray, right: np.ndarray, begin: float, end: float) -> np.ndarray:
+    """The part of the window around each place that the stretches left … right cover."""
+    places = np.linspace(begin, end, SLOTS + 1)
+    if not len(left):
+        return np.zeros(SLOTS + 1)
+    reach = 0.5 * WIDE * (end - begin)
+    window = np.clip([places - reach, places + reach], begin, end)
+    corners = np.column_stack([left, right]).ravel()
+    so_far = np.cumsum(np.column_stack([np.zeros(len(left)), right - left]).ravel())
+    return np.diff(np.interp(window, corners, so_far), axis=0)[0] / np.diff(window, axis=0)[0]
+
+
+def _stack(begin: float, end: float, low: np.ndarray, high: np.ndarray) -> tuple[Path, np.ndarray]:
+    places = np.linspace(begin, end, SLOTS + 1)
+    there, back = (np.column_stack([places, level]) for level in (low, high))
+    return closed(np.concatenate([there, back[::-1]])), high
 
 
 def _boxes(left: np.ndarray, right: np.ndarray, top: float) -> Path:

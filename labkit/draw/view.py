@@ -1,4 +1,7 @@
-"""What all pictures share: the protocol view.figure / view.update / view.artists, and limits that follow the data calmly."""
+"""What all pictures share.
+
+The protocol view.figure / view.update / view.artists, and limits that follow the data calmly.
+"""
 
 from __future__ import annotations
 
@@ -64,12 +67,17 @@ class Shows:
 
 
 class View:
-    """A picture that can show another run without being built anew; it shows itself as the last line of a cell.
+    """A picture that can show another run without being built anew.
+
+    It shows itself as the last line of a cell.
 
     view.figure         its Figure
-    view.update(run)    shows another run (or runs), by changing the data of the artists that are there
-    view.artists        the artists that update() changes, in drawing order; all others stay as they are
-    view.relimited      the last update() moved the limits or other still parts: the rest must be drawn again as well
+    view.update(run)    shows another run (or runs), by changing the data of the artists that are
+                        there
+    view.artists        the artists that update() changes, in drawing order; all others stay as they
+                        are
+    view.relimited      the last update() moved the limits or other still parts: the rest must be
+                        drawn again as well
     view.shows          what its axes show, as far as a cursor, a click or a held run can use it
     view.at(run, t)     shows an instant of a run (a mechanism in its place)
     """
@@ -186,7 +194,8 @@ class Window:
 
     def _shown(self) -> tuple[float, float]:
         limits = getattr(self.axes, f"get_{self.which}lim")()
-        return tuple(map(float, np.log10(limits) if self.log else limits))  # type: ignore[return-value]
+        low, high = map(float, np.log10(limits) if self.log else limits)
+        return low, high
 
     def fit(self, low: float, high: float) -> bool:
         """window.fit(low, high) -> True when the limits had to move.

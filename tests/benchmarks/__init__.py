@@ -1,1 +1,4 @@
-"""Benchmarks of labkit against other solvers: python -m tests.benchmarks (not part of the tests)."""
+"""Benchmarks of labkit against other solvers, not part of the tests.
+
+python -m tests.benchmarks
+"""

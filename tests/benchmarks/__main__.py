@@ -1,7 +1,10 @@
-"""python -m tests.benchmarks [--quick] [problem …]: labkit beside other solvers; python -m tests.benchmarks latency: the live figure.
+"""python -m tests.benchmarks [--quick] [problem …]: labkit beside other solvers.
 
-Writes tests/benchmarks/results.md and notebooks/images/benchmarks.png, whole runs only (no --quick, all problems).
-The other solvers: pip install ".[benchmarks]"; one that is missing is named and left out.
+python -m tests.benchmarks latency: the live figure.
+
+Writes tests/benchmarks/results.md and notebooks/images/benchmarks.png, whole runs only (no --quick,
+all problems). The other solvers: pip install ".[benchmarks]"; one that is missing is named and left
+out.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
     Contestant("solve_ivp", "RK45", make=lambda tol: lambda: Answer(state, instants))
 
-`make(tol)` prepares everything that a user prepares once (compilation, solver objects); the function that it returns is
-one run from the start to the end, the thing that is timed. It may be called any number of times.
+`make(tol)` prepares everything that a user prepares once (compilation, solver objects); the
+function that it returns is one run from the start to the end, the thing that is timed. It may be
+called any number of times.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 
 from .problems import Problem
 
-#: A loop that has met so many events gives up: at a loose tolerance a ball may lose so much that its bounces pile up.
+#: A loop that has met so many events gives up: at a loose tolerance a ball may lose so much that
+#: its bounces pile up.
 ENOUGH = 2000
 
 
@@ -37,8 +39,9 @@ class Contestant(NamedTuple):
 def judge(problem: Problem, answer: Answer) -> tuple[float, int, int]:
     """judge(problem, answer) -> (largest error of the final state, events missed, events invented).
 
-    Missed is an event of the reference that the run has not made to within a quarter of the usual (median) time between two events,
-    invented one of the run that the reference does not have; each is matched once, in order of time.
+    Missed is an event of the reference that the run has not made to within a quarter of the usual
+    (median) time between two events, invented one of the run that the reference does not have; each
+    is matched once, in order of time.
     """
     instants, state = problem.reference()
     error = max(abs(float(a) - b) for a, b in zip(answer.state, state, strict=True))

@@ -1,10 +1,17 @@
-"""python -m tests.benchmarks latency [technique …]: how long after a slider's event the new picture is there.
+"""python -m tests.benchmarks latency [technique …].
 
-A real slider of a real JupyterLab is dragged for 5 s by a mouse that moves 60 times a second, and a key is pressed 40 times (labkit's wheel is turned and its portrait clicked too), in a headless
-browser that shares the machine with server and kernel. The picture: a time plot of 2 curves, a portrait of 40 trajectories of 300 points, 400 arrows, nullclines, an equilibrium with its type in words;
-the integration is in the time. Side by side: the floor (a number that the kernel echoes, without any picture), labkit's panel, the same Matplotlib figure under ipywidgets' `interact` and under ipympl, and its data in bqplot
-(pip install ipympl bqplot; what is missing is left out). The kernel's column is processor time. All others are by one clock: the page logs slider events and changes of the picture, the kernel logs when it
-begins and ends a computation and for which value; a picture is the first change after the end of a computation.
+How long after a slider's event the new picture is there.
+
+A real slider of a real JupyterLab is dragged for 5 s by a mouse that moves 60 times a second, and a
+key is pressed 40 times (labkit's wheel is turned and its portrait clicked too), in a headless
+browser that shares the machine with server and kernel. The picture: a time plot of 2 curves, a
+portrait of 40 trajectories of 300 points, 400 arrows, nullclines, an equilibrium with its type in
+words; the integration is in the time. Side by side: the floor (a number that the kernel echoes,
+without any picture), labkit's panel, the same Matplotlib figure under ipywidgets' `interact` and
+under ipympl, and its data in bqplot (pip install ipympl bqplot; what is missing is left out). The
+kernel's column is processor time. All others are by one clock: the page logs slider events and
+changes of the picture, the kernel logs when it begins and ends a computation and for which value; a
+picture is the first change after the end of a computation.
 """
 
 from __future__ import annotations
@@ -27,21 +34,25 @@ from ..lab import open_browser, open_notebook, run_all, running_lab
 SETUP = """\
 import json, math, time
 import numpy as np
-from labkit import Mode, Parameter, System, explore, figure, phase_portrait, simulate, simulate_many, time_plot
+from labkit import Mode, Parameter, System, explore, figure, phase_portrait
+from labkit import simulate, simulate_many, time_plot
 from labkit.draw import direction_field
 from labkit.draw.view import Together
 
 def flow(t, s, p):
     return s.v, -p.omega**2 * math.sin(s.x) - 2 * p.delta * s.v
 
-system = System("pendulum", {"x": "rad", "v": "rad/s"}, {"omega": Parameter(2.0, "rad/s"), "delta": Parameter(0.2, "1/s", "damping", 0.1, 1.1)},
+omega, delta = Parameter(2.0, "rad/s"), Parameter(0.2, "1/s", "damping", 0.1, 1.1)
+system = System("pendulum", {"x": "rad", "v": "rad/s"}, {"omega": omega, "delta": delta},
                 [Mode("swing", flow)], start={"x": 1.5, "v": 0.0})
 LIMITS = ((-3, 3), (-4, 4))
 
 def draw(run):
     fig = figure(1, 2, width=9, height=3.8)
-    field = direction_field(system, "x", "v", limits=LIMITS, axes=fig.axes[1], points=19, delta=run.p.delta)
-    plane = phase_portrait(system, "x", "v", starts=40, run=run, limits=LIMITS, axes=fig.axes[1], direction_field=False, title="")
+    where = {"limits": LIMITS, "axes": fig.axes[1]}
+    field = direction_field(system, "x", "v", points=19, delta=run.p.delta, **where)
+    plane = phase_portrait(system, "x", "v", starts=40, run=run, direction_field=False, title="",
+                           **where)
     return [time_plot(run, ("x", "v"), axes=fig.axes[0], title=""), plane, field]
 
 simulate(system, 10.0, backend="compiled")
@@ -51,7 +62,8 @@ def logged(function, value):
     def timed(*arguments, **options):
         begin, used = time.time(), time.process_time()
         result = function(*arguments, **options)
-        log.write(json.dumps([value(*arguments, **options), begin, time.time(), time.process_time() - used]) + "\\n")
+        times = begin, time.time(), time.process_time() - used
+        log.write(json.dumps([value(*arguments, **options), *times]) + "\\n")
         return result
     return timed
 """
@@ -60,7 +72,9 @@ CELLS = {
 from anywidget import AnyWidget
 class Echo(AnyWidget):
     _esm = '''export default { render({ model, el }) {
-        const range = Object.assign(document.createElement("input"), { type: "range", className: "labkit-range", min: 0.1, max: 1.1, step: 0.002, value: 0.2 });
+        const range = Object.assign(document.createElement("input"), {
+            type: "range", className: "labkit-range", min: 0.1, max: 1.1, step: 0.002, value: 0.2,
+        });
         const canvas = document.createElement("canvas");
         range.style.width = "400px";
         el.append(range, canvas);
@@ -72,17 +86,27 @@ class Echo(AnyWidget):
         };
         const moved = () => { next = range.valueAsNumber; post(); };
         range.addEventListener("input", moved);
-        range.addEventListener("keydown", (event) => { event.preventDefault(); range.stepUp(); moved(); });
-        model.on("msg:custom", ({ value }) => { flying = false; canvas.dataset.seq = value; post(); });
+        range.addEventListener("keydown", (event) => {
+            event.preventDefault();
+            range.stepUp();
+            moved();
+        });
+        model.on("msg:custom", ({ value }) => {
+            flying = false;
+            canvas.dataset.seq = value;
+            post();
+        });
     } };'''
 echo = Echo()
-echo.on_msg(logged(lambda widget, message, buffers: widget.send(message), lambda _, message, __: message["value"]))
+back = lambda widget, message, buffers: widget.send(message)
+echo.on_msg(logged(back, lambda _, message, __: message["value"]))
 echo
 """,
     "labkit": """\
 from labkit.panel import Panel
 Panel._receive = logged(Panel._receive, lambda self, _, message, __: self.values["p.delta"])
-explore(system, 10.0, draw, sliders={"delta": (0.1, 1.1, 0.002), "omega": False}, start=False, method=False)
+sliders = {"delta": (0.1, 1.1, 0.002), "omega": False}
+explore(system, 10.0, draw, sliders=sliders, start=False, method=False)
 """,
     "@interact": """\
 import io
@@ -93,7 +117,10 @@ def show(delta):
     fig.set_dpi(96)
     fig.canvas.print_png(file := io.BytesIO())
     display(Image(file.getvalue()))
-interact(logged(show, lambda delta: delta), delta=FloatSlider(0.2, min=0.1, max=1.1, step=0.002, readout_format=".3f", layout={"width": "400px"}));
+slider = FloatSlider(
+    0.2, min=0.1, max=1.1, step=0.002, readout_format=".3f", layout={"width": "400px"}
+)
+interact(logged(show, lambda delta: delta), delta=slider);
 """,
     "ipympl": """\
 from ipympl.backend_nbagg import Canvas, FigureManager
@@ -103,7 +130,9 @@ view = Together(*draw(simulate(system, 10.0)))
 view.figure.dpi = 96
 canvas = Canvas(view.figure)
 FigureManager(canvas, 0)
-slider = FloatSlider(0.2, min=0.1, max=1.1, step=0.002, readout_format=".3f", layout={"width": "400px"})
+slider = FloatSlider(
+    0.2, min=0.1, max=1.1, step=0.002, readout_format=".3f", layout={"width": "400px"}
+)
 def show(change):
     view.update(simulate(system, 10.0, delta=change["new"]))
     canvas.draw_idle()
@@ -129,34 +158,50 @@ def plane(low, high, bottom, top):
 one, axes_one = plane(0.0, 10.0, -3.0, 3.0)
 two, axes_two = plane(*LIMITS[0], *LIMITS[1])
 lines = Lines(x=t, y=curves, scales=one)
-paths, field = Lines(x=X, y=V, scales=two, stroke_width=1, colors=["#0072B2"]), Lines(x=FX, y=FV, scales=two, stroke_width=1, colors=["#AAAAAA"])
-slider = FloatSlider(0.2, min=0.1, max=1.1, step=0.002, readout_format=".3f", layout={"width": "400px"})
+paths = Lines(x=X, y=V, scales=two, stroke_width=1, colors=["#0072B2"])
+field = Lines(x=FX, y=FV, scales=two, stroke_width=1, colors=["#AAAAAA"])
+slider = FloatSlider(
+    0.2, min=0.1, max=1.1, step=0.002, readout_format=".3f", layout={"width": "400px"}
+)
 def show(change):
     t, curves, X, V, FX, FV = data(change["new"])
     with lines.hold_sync(), paths.hold_sync(), field.hold_sync():
         lines.y, paths.x, paths.y, field.x, field.y = curves, X, V, FX, FV
 slider.observe(logged(show, lambda change: change["new"]), "value")
-size = {"width": "430px", "height": "360px"}
-display(slider, HBox([Figure(marks=[lines], axes=axes_one, layout=size, animation_duration=0), Figure(marks=[field, paths], axes=axes_two, layout=size, animation_duration=0)]))
+form = {"layout": {"width": "430px", "height": "360px"}, "animation_duration": 0}
+display(slider, HBox([Figure(marks=[lines], axes=axes_one, **form),
+                      Figure(marks=[field, paths], axes=axes_two, **form)]))
 """,
 }
 NEEDS = {"ipympl": "ipympl", "bqplot": "bqplot"}
 WATCH = """() => {
     window.moves = []; window.changes = [];
     const now = () => (performance.timeOrigin + performance.now()) / 1000;
-    const area = document.querySelector('.jp-Notebook').querySelector('.labkit-range, .noUi-target').closest('.jp-Cell-outputArea');
-    const range = area.querySelector('.labkit-range'), readout = area.querySelector('.widget-readout');
-    if (range) range.addEventListener('input', () => moves.push([now(), range.valueAsNumber]), true);
-    if (range) range.addEventListener('keydown', () => { const pressed = now(); setTimeout(() => moves.push([pressed, range.valueAsNumber])); }, true);
-    if (readout) new MutationObserver(() => moves.push([now(), Number(readout.textContent)])).observe(readout, { childList: true, characterData: true, subtree: true });
-    const seen = (node) => node.nodeName === 'IMG' || node.nodeName === 'path' || node.nodeName === 'CANVAS' || node.querySelector?.('img, canvas');
+    const slider = document.querySelector('.jp-Notebook')
+        .querySelector('.labkit-range, .noUi-target');
+    const area = slider.closest('.jp-Cell-outputArea');
+    const range = area.querySelector('.labkit-range');
+    const readout = area.querySelector('.widget-readout');
+    const moved = (when = now()) => moves.push([when, range.valueAsNumber]);
+    if (range) range.addEventListener('input', () => moved(), true);
+    if (range) range.addEventListener('keydown', () => {
+        const pressed = now();
+        setTimeout(() => moved(pressed));
+    }, true);
+    if (readout) new MutationObserver(() => moves.push([now(), Number(readout.textContent)]))
+        .observe(readout, { childList: true, characterData: true, subtree: true });
+    const seen = (node) => ['IMG', 'path', 'CANVAS'].includes(node.nodeName)
+        || node.querySelector?.('img, canvas');
     new MutationObserver((changed) => {
-        const hit = changed.find(({ target, addedNodes }) => seen(target) || [...addedNodes].some(seen));
+        const hit = changed.find(
+            ({ target, addedNodes }) => seen(target) || [...addedNodes].some(seen));
         if (!hit) return;
         const image = [...area.querySelectorAll('.jp-OutputArea img')].pop();
         if (image && !image.complete) image.addEventListener('load', () => changes.push(now()));
         else changes.push(now());
-    }).observe(area, { subtree: true, childList: true, attributes: true, attributeFilter: ['data-seq', 'd', 'src'] });
+    }).observe(area, {
+        subtree: true, childList: true, attributes: true, attributeFilter: ['data-seq', 'd', 'src'],
+    });
     const draw = CanvasRenderingContext2D.prototype.drawImage;
     if (!range) CanvasRenderingContext2D.prototype.drawImage = function (...all) {
         if (area.contains(this.canvas)) changes.push(now());
@@ -166,7 +211,10 @@ WATCH = """() => {
 
 
 class Mouse:
-    """A mouse that does not wait until the page has answered, as `page.mouse` does: its events go to the browser's debugging port."""
+    """A mouse that does not wait until the page has answered, as `page.mouse` does.
+
+    Its events go to the browser's debugging port.
+    """
 
     def __init__(self, port: int, address: str):
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
@@ -193,7 +241,10 @@ class Mouse:
 def measure(
     page, lab, name: str, port: int, seconds: float = 5.0, presses: int = 40
 ) -> dict[str, float]:
-    """measure(page, lab, "labkit", port) -> the figures of one technique, times in ms; `port` is the browser's for debugging."""
+    """measure(page, lab, "labkit", port) -> the figures of one technique, times in ms.
+
+    `port` is the browser's for debugging.
+    """
     lab.write("latency", [SETUP, CELLS[name]])
     open_notebook(page, lab, "latency")
     run_all(page)
@@ -252,13 +303,20 @@ def measure(
 
 
 def touched(page, hand: str, times: int = 20) -> list[tuple[float, float, float]]:
-    """(event, picture, 0) of turns of the wheel over the portrait ("zoom"), or of clicks that start a trajectory there ("click")."""
+    """(event, picture, 0) of turns of the wheel over the portrait ("zoom"), or of clicks that start
+    a trajectory there ("click").
+    """
     canvas = page.locator(".labkit-panel canvas")
     canvas.scroll_into_view_if_needed()
     box = canvas.bounding_box()
     x, y = box["x"] + 0.7 * box["width"], box["y"] + 0.4 * box["height"]
-    canvas.evaluate(f"""canvas => {{ window.hands = []; canvas.focus(); canvas.addEventListener('{"wheel" if hand == "zoom" else "click"}',
-        () => hands.push((performance.timeOrigin + performance.now()) / 1000), true); }}""")
+    event = "wheel" if hand == "zoom" else "click"
+    canvas.evaluate(f"""canvas => {{
+        window.hands = [];
+        canvas.focus();
+        const now = () => (performance.timeOrigin + performance.now()) / 1000;
+        canvas.addEventListener('{event}', () => hands.push(now()), true);
+    }}""")
     for k in range(times):
         page.mouse.move(x + 10 * k, y)
         if hand == "zoom":
@@ -275,9 +333,11 @@ def touched(page, hand: str, times: int = 20) -> list[tuple[float, float, float]
 
 
 def read(page, lab, since: float) -> list[tuple[float, float, float]]:
-    """(slider event, picture, processor time of the kernel) of every picture since an instant, in seconds.
+    """(slider event, picture, processor time of the kernel) of every picture since an instant, in
+    seconds.
 
-    A picture that was never shown, because the next one was there before it could be, is none; nor is a second one of the same value (the hand rests).
+    A picture that was never shown, because the next one was there before it could be, is none; nor
+    is a second one of the same value (the hand rests).
     """
     moves, changes = page.evaluate("[moves, changes]")
     works = [json.loads(line) for line in (lab.folder / "log.json").read_text().splitlines()]
@@ -337,13 +397,15 @@ def main(names: list[str] | None = None) -> int:
                 print_row(name, rows[name], head=len(rows) == 1)
     if "labkit" in rows:
         print(
-            "labkit after a turn of the wheel: {zoom:.0f} / {zoom 95:.0f} ms; after a click that starts a trajectory: {click:.0f} / {click 95:.0f} ms".format(
+            "labkit after a turn of the wheel: {zoom:.0f} / {zoom 95:.0f} ms; "
+            "after a click that starts a trajectory: {click:.0f} / {click 95:.0f} ms".format(
                 **rows["labkit"]
             )
         )
     if "labkit" in rows and rows.get("@interact", {}).get("pictures/s"):
         print(
-            f"labkit shows {rows['labkit']['pictures/s'] / rows['@interact']['pictures/s']:.1f} times as many pictures a second as @interact"
+            f"labkit shows {rows['labkit']['pictures/s'] / rows['@interact']['pictures/s']:.1f} "
+            "times as many pictures a second as @interact"
         )
     return 0
 
@@ -354,7 +416,8 @@ def print_row(name: str, row: dict[str, float], head: bool) -> None:
             f"{'ms':12}{'key press':>16}{'dragging':>16}{'pictures/s':>12}{'lag':>8}{'kernel':>8}"
         )
     print(
-        f"{name:12}{row['key']:9.0f} /{row['key 95']:5.0f}{row['drag']:9.0f} /{row['drag 95']:5.0f}{row['pictures/s']:12.1f}{row['lag']:8.0f}{row['kernel']:8.1f}",
+        f"{name:12}{row['key']:9.0f} /{row['key 95']:5.0f}{row['drag']:9.0f} "
+        f"/{row['drag 95']:5.0f}{row['pictures/s']:12.1f}{row['lag']:8.0f}{row['kernel']:8.1f}",
         flush=True,
     )
 

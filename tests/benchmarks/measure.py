@@ -1,7 +1,9 @@
-"""Time at equal accuracy: every tool and method over a range of tolerances, then the fastest of each tool side by side.
+"""Time at equal accuracy.
 
-trials = sweep(problem, contestants)             # error, events missed and invented, rough time of each setting
-rows = race({name: trials, …})                   # best time of each tool for each goal, measured in turn
+Every tool and method over a range of tolerances, then the fastest of each tool side by side.
+
+trials = sweep(problem, contestants)   # error, events missed and invented, rough time of each
+rows = race({name: trials, …})         # best time of each tool for each goal, measured in turn
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from .problems import Problem
 
 GOALS = (1e-5, 1e-9)
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
-#: The thread's own processor time where it is fine enough: what else the computer does then does not count against a slow tool.
+#: The thread's own processor time where it is fine enough: what else the computer does then does
+#: not count against a slow tool.
 CLOCK = thread_time if get_clock_info("thread_time").resolution < 1e-6 else perf_counter
 PATIENCE = (
     1.0  # s, after a run that takes longer the tolerances of a method are not tightened further
@@ -24,7 +27,9 @@ PATIENCE = (
 
 @dataclass
 class Trial:
-    """One setting: how wrong it is, how long one run took in the sweep, and (`first`) how long preparing it and its first run took."""
+    """One setting: how wrong it is, how long one run took in the sweep, and (`first`) how long
+    preparing it and its first run took.
+    """
 
     contestant: Contestant
     tolerance: float
@@ -51,7 +56,9 @@ class Row:
 
 
 def timed(run: Callable[[], object], least: float = 2e-3, most: int = 1000) -> float:
-    """timed(run) -> seconds for one call, from as many calls as fill `least` seconds (at least one)."""
+    """timed(run) -> seconds for one call, from as many calls as fill `least` seconds (at least
+    one).
+    """
     count, began = 0, CLOCK()
     while count < most:
         run()
@@ -67,7 +74,9 @@ def sweep(
     tolerances: Sequence[float] = TOLERANCES,
     log: Callable = print,
 ) -> list[Trial]:
-    """sweep(problem, contestants) -> one Trial a setting, tolerances falling until both goals are kept twice or patience ends."""
+    """sweep(problem, contestants) -> one Trial a setting, tolerances falling until both goals are
+    kept twice or patience ends.
+    """
     trials = []
     for contestant in contestants:
         good = 0
@@ -80,7 +89,8 @@ def sweep(
                 Exception
             ) as error:  # a tool that gives up at a tolerance is no reason to end the benchmark
                 log(
-                    f"    {contestant.tool}, {contestant.method}, {tolerance:.0e}: {type(error).__name__}: {error}"
+                    f"    {contestant.tool}, {contestant.method}, {tolerance:.0e}: "
+                    f"{type(error).__name__}: {error}"
                 )
                 continue
             first = perf_counter() - began
@@ -104,7 +114,9 @@ def sweep(
 
 
 def settled(trials: Sequence[Trial], goal: float) -> list[Trial]:
-    """The trials that keep a goal with every event found, and whose method also keeps it at each tighter tolerance that was tried: no luck."""
+    """The trials that keep a goal with every event found, and whose method also keeps it at each
+    tighter tolerance that was tried: no luck.
+    """
     kept = []
     for trial in trials:
         tighter = [
@@ -118,10 +130,12 @@ def settled(trials: Sequence[Trial], goal: float) -> list[Trial]:
 def race(
     fields: Mapping[str, Sequence[Trial]], rounds: int = 30, finalists: int = 3, budget: float = 4.0
 ) -> dict[str, list[Row]]:
-    """race({problem: trials}) -> {problem: one Row a tool and goal}: the fastest settings of each tool, timed in turn, best of the rounds.
+    """race({problem: trials}) -> {problem: one Row a tool and goal}.
 
-    In turn, and all problems in each round, so that a computer that is busy for a minute is so for everybody; slow settings get fewer rounds
-    (`budget` seconds, but at least 8, or all).
+    The fastest settings of each tool, timed in turn, best of the rounds.
+
+    In turn, and all problems in each round, so that a computer that is busy for a minute is so for
+    everybody; slow settings get fewer rounds (`budget` seconds, but at least 8, or all).
     """
     chosen: dict[tuple[str, str, float], list[Trial]] = {}
     for problem, trials in fields.items():

@@ -1,7 +1,10 @@
-"""python -m tests.benchmarks.old_and_new PATH [problem …] [--rounds 40]: this checkout beside the one at PATH, one after the other.
+"""python -m tests.benchmarks.old_and_new PATH [problem …] [--rounds 40].
 
-Each checkout answers in a process of its own and is asked in turn, a few calls at a time, so that what else the computer
-does counts against both. Ratios are of the least and of the median time of a `simulate` call, new over old.
+This checkout beside the one at PATH, one after the other.
+
+Each checkout answers in a process of its own and is asked in turn, a few calls at a time, so that
+what else the computer does counts against both. Ratios are of the least and of the median time of a
+`simulate` call, new over old.
 """
 
 from __future__ import annotations
@@ -24,7 +27,11 @@ COUNTS = ("steps", "rejected", "evaluations", "guard_evaluations", "events")
 
 
 def answer() -> None:
-    """One checkout: lines of JSON in, [problem, options, calls] or null for the counts; seconds a call, or counts, out."""
+    """One checkout.
+
+    Lines of JSON go in, [problem, options, calls] or null for the counts; seconds a call, or
+    counts, come out.
+    """
     import numpy as np
 
     from labkit import simulate, simulate_many
@@ -57,7 +64,8 @@ def answer() -> None:
 class Checkout:
     def __init__(self, path: Path, cache: str | None):
         program = (
-            f"import sys; sys.path.insert(0, {str(path)!r}); import importlib.util as u; import tests.benchmarks; "
+            f"import sys; sys.path.insert(0, {str(path)!r}); import importlib.util as u; import "
+            "tests.benchmarks; "
             f"spec = u.spec_from_file_location('tests.benchmarks.old_and_new', {__file__!r}); "
             "module = u.module_from_spec(spec); spec.loader.exec_module(module); module.answer()"
         )
@@ -112,13 +120,15 @@ def main() -> None:
                 for side, found in zip(both, times, strict=True):
                     found.append(side.ask(name, options, calls))
     print(
-        f"{'problem':10} {'back end':9} {'atol':7} {'old µs':>9} {'new µs':>9}  least  median   {', '.join(COUNTS)}: old | new"
+        f"{'problem':10} {'back end':9} {'atol':7} {'old µs':>9} {'new µs':>9}  least  median   "
+        f"{', '.join(COUNTS)}: old | new"
     )
     for name, options, _, counts, times in cases:
         old, new = ([t for call in found for t in call] for found in times)
         middles = [median(a) / median(b) for a, b in zip(times[1], times[0], strict=True)]
         print(
-            f"{name:10} {options['backend']:9} {options.get('atol', 'default'):<7} {1e6 * min(old):9.1f} {1e6 * min(new):9.1f}  "
+            f"{name:10} {options['backend']:9} {options.get('atol', 'default'):<7} "
+            f"{1e6 * min(old):9.1f} {1e6 * min(new):9.1f}  "
             f"{min(new) / min(old):5.3f}  {median(middles):6.3f}   "
             + " | ".join(" ".join(map(str, each)) for each in counts)
         )

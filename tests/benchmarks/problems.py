@@ -2,11 +2,12 @@
 
     problem = PROBLEMS["relay"]
     problem.p.K, problem.t_end                       # every contestant takes its numbers from here
-    instants, state = problem.reference()            # all events before the end, and the state at the end
+    instants, state = problem.reference()    # all events before the end, and the state at the end
     instants, state = problem.reference(t_end=200.0, start=(-1.0, 0.5))
 
-References are closed forms, evaluated with 30 digits and with bracketed switching times (mpmath); only the braking
-block of the stick-slip problem has no closed form, and takes a Taylor series of its quadratic equation there.
+References are closed forms, evaluated with 30 digits and with bracketed switching times (mpmath);
+only the braking block of the stick-slip problem has no closed form, and takes a Taylor series of
+its quadratic equation there.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ DIGITS = 30
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem. `t_end` lies clear of every event; `modes` is what simulate needs to start elsewhere than at the start."""
+    """One problem. `t_end` lies clear of every event.
+
+    `modes` is what simulate needs to start elsewhere than at the start.
+    """
 
     name: str
     title: str
@@ -49,7 +53,9 @@ class Problem:
     def reference(
         self, t_end: float | None = None, start: tuple[float, ...] | None = None
     ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """problem.reference() -> (instants of the events in (0, t_end), state at t_end), right to the last digit or two."""
+        """problem.reference() -> (instants of the events in (0, t_end), state at t_end), right to
+        the last digit or two.
+        """
         return _reference(self, t_end or self.t_end, start or self.start)
 
 
@@ -64,7 +70,8 @@ def _reference(
 
 
 def rise(guard: Callable, t: mpf, t_end: mpf, step: float) -> mpf | None:
-    """rise(guard, t, t_end, step) -> the first instant in (t, t_end] where the guard turns positive, None if it does not.
+    """rise(guard, t, t_end, step) -> the first instant in (t, t_end] where the guard turns
+    positive, None if it does not.
 
     `step` must be shorter than any time for which the guard stays positive.
     """
@@ -104,7 +111,10 @@ def ball(p, t_end, y, v):
 
 
 def relay(p, t_end, x, v):
-    """x'' = (h sin ωt − F)/μ with constant F, integrated by hand; moves to the right at the start if v ≥ 0."""
+    """x'' = (h sin ωt − F)/μ with constant F, integrated by hand.
+
+    Moves to the right at the start if v ≥ 0.
+    """
     t, way, instants = mpf(0), 1 if v >= 0 else -1, []
     while True:
         F = p.K if way * x > p.a else -p.K  # against the motion once the switch is passed
@@ -124,10 +134,14 @@ def relay(p, t_end, x, v):
                 / p.mu
             )
 
-        turn = rise(lambda q: -way * speed(q), t, t_end, 0.05)
-        switch = (
-            rise(lambda q: way * place(q) - p.a, t, turn or t_end, 0.05) if F * way < 0 else None
-        )
+        def back(q, way=way, speed=speed):
+            return -way * speed(q)
+
+        def passed(q, way=way, place=place):
+            return way * place(q) - p.a
+
+        turn = rise(back, t, t_end, 0.05)
+        switch = rise(passed, t, turn or t_end, 0.05) if F * way < 0 else None
         if turn is None and switch is None:
             return instants, (place(t_end), speed(t_end))
         t_next = switch or turn
@@ -141,7 +155,10 @@ def relay(p, t_end, x, v):
 
 
 def stick_slip(p, t_end, x, v):
-    """While V > V0 friction is constant; below it is a square of V. Taylor series of either, step by step, cut where V meets V0 or 0."""
+    """While V > V0 friction is constant; below it is a square of V.
+
+    Taylor series of either, step by step, cut where V meets V0 or 0.
+    """
     t, instants = mpf(0), []
     order = DIGITS + 5
     fast = v >= p.V0
@@ -164,8 +181,12 @@ def stick_slip(p, t_end, x, v):
         size = max(abs(xs[-1]), abs(vs[-1]), mpf(10) ** -60)
         h = min((mpf(10) ** (-DIGITS) / size) ** (mpf(1) / order), mpf(1) / 4, t_end - t)
         X, V = (lambda tau, c=c[::-1]: polyval(c, tau) for c in (xs, vs))
-        kink = rise(lambda tau: p.V0 - V(tau) if fast else V(tau) - p.V0, mpf(0), h, float(h) / 8)
-        stop = None if fast else rise(lambda tau: -V(tau), mpf(0), h, float(h) / 8)
+
+        def passed(tau, V=V, sign=1 if fast else -1):
+            return sign * (p.V0 - V(tau))
+
+        kink = rise(passed, mpf(0), h, float(h) / 8)
+        stop = None if fast else rise(lambda tau, V=V: -V(tau), mpf(0), h, float(h) / 8)
         tau = min(q for q in (kink, stop, h) if q is not None)
         t, x, v = t + tau, X(tau), V(tau)
         if tau == stop:
@@ -178,7 +199,10 @@ def stick_slip(p, t_end, x, v):
 
 
 def boost(p, t_end, i, v):
-    """Matrix exponentials on (iL, v, 1); a period in which the current would turn negative is cut where it is zero."""
+    """Matrix exponentials on (iL, v, 1).
+
+    A period in which the current would turn negative is cut where it is zero.
+    """
     a = 1 / ((p.R + p.RC) * p.C)
     A_on = matrix([[-p.RL / p.L, 0, p.E / p.L], [0, -a, 0], [0, 0, 0]])
     A_diode = matrix(
@@ -190,9 +214,8 @@ def boost(p, t_end, i, v):
     )
     A_off = matrix([[0, 0, 0], [0, -a, 0], [0, 0, 0]])
     on, off = p.d * p.Ts, (1 - p.d) * p.Ts
-    rates, vectors = eig(
-        A_diode
-    )  # to find where the current is zero a series of the matrix would take too long
+    # To find where the current is zero a series of the matrix would take too long
+    rates, vectors = eig(A_diode)
     charge, deliver = expm(A_on * on), expm(A_diode * off)
     s, instants = matrix([i, v, 1]), []
     for k in range(int(t_end / p.Ts + mpf("0.5"))):
@@ -204,12 +227,11 @@ def boost(p, t_end, i, v):
         end = deliver * s
         if end[0] < 0:
             c = lu_solve(vectors, s)
-            tau = rise(
-                lambda q: -sum(vectors[0, m] * c[m] * exp(rates[m] * q) for m in range(3)).real,
-                mpf(0),
-                off,
-                off,
-            )
+
+            def reverse(q, c=c):
+                return -sum(vectors[0, m] * c[m] * exp(rates[m] * q) for m in range(3)).real
+
+            tau = rise(reverse, mpf(0), off, off)
             s = expm(A_diode * tau) * s
             s[0] = 0
             instants.append(begin + on + tau)
@@ -222,7 +244,10 @@ def boost(p, t_end, i, v):
 
 
 def make_relay() -> System:
-    """Handbook sample 3.3 as its notebook reads it: the force changes at x = ±a on the way out and at each turn."""
+    """Handbook sample 3.3 as its notebook reads it.
+
+    The force changes at x = ±a on the way out and at each turn.
+    """
     right, left = systems.forced(-1), systems.forced(1)  # the way in which the relay pushes
     return System(
         "hysteresis relay",
@@ -267,7 +292,10 @@ def make_relay() -> System:
 
 
 def make_boost() -> System:
-    """The boost converter of part 3, item 6: a clock, and a diode that blocks when its current is zero."""
+    """The boost converter of part 3, item 6.
+
+    A clock, and a diode that blocks when its current is zero.
+    """
 
     def on(t, s, p):
         return (p.E - p.RL * s.iL) / p.L, -s.v / ((p.R + p.RC) * p.C)

@@ -55,7 +55,10 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def events_cell(trials: Sequence[Trial]) -> str:
-    """In how many of a tool's settings events were missed or invented; at 1e-2 an error of the solution can look like that."""
+    """In how many of a tool's settings events were missed or invented.
+
+    At 1e-2 an error of the solution can look like that.
+    """
     fair = [t for t in trials if t.tolerance <= 1.001e-3]
     wrong = [t for t in fair if t.missed or t.invented]
     return f"{len(wrong)} of {len(fair)}" + (
@@ -64,7 +67,9 @@ def events_cell(trials: Sequence[Trial]) -> str:
 
 
 def problem_table(problem: Problem, rows: Sequence[Row], trials: Sequence[Trial]) -> str:
-    """One problem: time of each tool for each goal, its ratio to labkit, and in how many settings events were missed or invented."""
+    """One problem: time of each tool for each goal, its ratio to labkit, and in how many settings
+    events were missed or invented.
+    """
     cell = {(row.tool, row.goal): row for row in rows}
     lines = []
     for tool in dict.fromkeys(row.tool for row in rows):
@@ -118,7 +123,8 @@ class Results:
             ]
             parts.append(table([what, "ms", "ratio", "setting", "largest error", ""], lines) + "\n")
         parts.append(
-            "## How cost grows\n\nThe exponent is that of the last three sizes (each four times the one before): 1 is linear.\n"
+            "## How cost grows\n\nThe exponent is that of the last three sizes (each four times "
+            "the one before): 1 is linear.\n"
         )
         lines = []
         for g in self.scale.growth:
@@ -139,15 +145,19 @@ class Results:
         return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
-HOW = """Five problems with a known end state, each written for each tool as an expert of that tool would write it (the files `with_….py`).
-Every method of a tool runs over tolerances from 1e-2 to 1e-12. A setting counts for a goal if its final error keeps it, if every event is
-found and none invented, and if the same is true of all tighter tolerances of that method (no lucky hit). The fastest settings are then timed in
-turn, again and again, and the best time stands (processor time, so that other work on the computer does not count; many runs at once by
-the clock on the wall, since they use all cores). *Ratio*: how many times the time of compiled labkit. *Wrong events*: in how many of the
-settings with a tolerance of 1e-3 or less an event was missed or invented, and by which methods. "labkit" is a whole call of
-`simulate`, with its checks, its ledger of events and its dense output. "CyRK, own loop" is not a call of a tool but a hybrid solver that a
-user would have to write around CyRK: restart loop and event location compiled by Numba. References: closed forms with 30 digits, and Taylor
-series with 30 digits where friction is not constant.
+HOW = """\
+Five problems with a known end state, each written for each tool as an expert of that tool would
+write it (the files `with_….py`). Every method of a tool runs over tolerances from 1e-2 to 1e-12. A
+setting counts for a goal if its final error keeps it, if every event is found and none invented,
+and if the same is true of all tighter tolerances of that method (no lucky hit). The fastest
+settings are then timed in turn, again and again, and the best time stands (processor time, so that
+other work on the computer does not count; many runs at once by the clock on the wall, since they
+use all cores). *Ratio*: how many times the time of compiled labkit. *Wrong events*: in how many of
+the settings with a tolerance of 1e-3 or less an event was missed or invented, and by which methods.
+"labkit" is a whole call of `simulate`, with its checks, its ledger of events and its dense output.
+"CyRK, own loop" is not a call of a tool but a hybrid solver that a user would have to write around
+CyRK: restart loop and event location compiled by Numba. References: closed forms with 30 digits,
+and Taylor series with 30 digits where friction is not constant.
 """
 
 
@@ -158,13 +168,19 @@ def _conditions(results: Results) -> str:
             versions.append(f"{name} {version(name)}")
         except PackageNotFoundError:
             versions.append(f"{name} not installed")
-    computer = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    computer = f"Python {platform.python_version()}, {machine}"
     missing = f" Left out: {'; '.join(results.missing)}." if results.missing else ""
-    return f"{date.today():%Y-%m-%d}, {computer}; {', '.join(versions)}. The run took {results.seconds / 60:.0f} minutes.{missing}\n"
+    return (
+        f"{date.today():%Y-%m-%d}, {computer}; {', '.join(versions)}. "
+        f"The run took {results.seconds / 60:.0f} minutes.{missing}\n"
+    )
 
 
 def summary(tables: dict[str, tuple[list[Row], list[Trial]]]) -> str:
-    """summary(results.tables) -> for each problem the time of compiled labkit and how many times as long each other tool takes."""
+    """summary(results.tables) -> for each problem the time of compiled labkit and how many times as
+    long each other tool takes.
+    """
     tools = [tool for tool in MARKERS if tool != LABKIT]
     parts = []
     for goal in GOALS:
@@ -190,7 +206,10 @@ def summary(tables: dict[str, tuple[list[Row], list[Trial]]]) -> str:
 
 
 def picture(results: Results):
-    """picture(results) -> Figure: time of one run for both goals, work and precision of one hybrid problem, growth of cost."""
+    """picture(results) -> Figure.
+
+    Time of one run for both goals, work and precision of one hybrid problem, growth of cost.
+    """
     fig = figure(2, 2, width=10.0, height=7.4, heights=(5, 4))
     titles = [PROBLEMS[name].title for name in results.tables]
     for axes, goal in zip(fig.axes[:2], GOALS, strict=True):
@@ -266,7 +285,9 @@ def picture(results: Results):
 
 
 def write(results: Results) -> None:
-    """write(results): results.md beside this file and the picture that README.md shows, each whole or not at all."""
+    """write(results): results.md beside this file and the picture that README.md shows, each whole
+    or not at all.
+    """
     drawn = picture(results)
     write_whole(HERE / "results.md", results.text().encode())
     drawn.save_png(PICTURE)

@@ -1,6 +1,7 @@
 """Many runs at once, and how cost grows with length, with events and with lanes.
 
-scale(quick, log) -> Scale: .ensembles (many trajectories, many end states) and .growth (times over sizes, exponents)
+scale(quick, log) -> Scale: .ensembles (many trajectories, many end states) and .growth (times over
+sizes, exponents)
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ GOAL = 1e-5
 
 @dataclass
 class Ensemble:
-    """Many runs by one tool: seconds for all of them, largest error of an end state; `measured` lanes if fewer were run and scaled up."""
+    """Many runs by one tool: seconds for all of them, largest error of an end state.
+
+    `measured` lanes if fewer were run and scaled up.
+    """
 
     what: str
     tool: str
@@ -77,7 +81,9 @@ def starts_of(problem: Problem, lanes: int) -> tuple[np.ndarray, np.ndarray, str
 def trajectory_tools(
     problem: Problem, x: np.ndarray, y: np.ndarray, mode: str, grid: np.ndarray
 ) -> dict[str, dict[str, Callable[[], np.ndarray]]]:
-    """tool -> setting -> function that computes all trajectories and returns the end states, (lanes, 2)."""
+    """tool -> setting -> function that computes all trajectories and returns the end states,
+    (lanes, 2).
+    """
     first, second = problem.system.states
     t_end, tools = float(grid[-1]), {}
 
@@ -147,7 +153,10 @@ def trajectory_tools(
 
 
 def trajectories(name: str, lanes: int, points: int, rounds: int, log: Callable) -> list[Ensemble]:
-    """Many trajectories with samples: for each tool the fastest setting that keeps the goal in every lane, then in turn."""
+    """Many trajectories with samples.
+
+    For each tool the fastest setting that keeps the goal in every lane, then in turn.
+    """
     problem, t_end = PROBLEMS[name], {"relay": 20.0, "stick_slip": 10.0}[name]
     x, y, mode = starts_of(problem, lanes)
     exact = np.array(
@@ -182,7 +191,10 @@ def trajectories(name: str, lanes: int, points: int, rounds: int, log: Callable)
 
 
 def end_states(lanes: int, log: Callable) -> list[Ensemble]:
-    """End states of the linear spiral from many starts; loops over single runs are measured on fewer lanes and scaled up."""
+    """End states of the linear spiral from many starts.
+
+    Loops over single runs are measured on fewer lanes and scaled up.
+    """
     problem = PROBLEMS["spiral"]
     p, t_end = problem.p, problem.t_end
     s1, s2 = np.random.default_rng(1).uniform(-5, 5, (2, lanes))
@@ -310,7 +322,10 @@ def end_states(lanes: int, log: Callable) -> list[Ensemble]:
 
 
 def growth(quick: bool, log: Callable) -> list[Growth]:
-    """Times of labkit over length, events and lanes; of solve_ivp and the plain back end where they end in good time."""
+    """Times of labkit over length, events and lanes.
+
+    Those of solve_ivp and the plain back end where they end in good time.
+    """
     oscillator, ball, stick_slip = systems.oscillator(), systems.ball(), systems.stick_slip()
     fall = sqrt(20 / 9.81)
 

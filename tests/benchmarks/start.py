@@ -1,4 +1,6 @@
-"""What each tool costs before its first answer: its import, and the first run of the stick-slip problem in a new process.
+"""What each tool costs before its first answer.
+
+Its import, and the first run of the stick-slip problem in a new process.
 
 start_up(quick, log) -> list of Start
 """
@@ -61,7 +63,9 @@ from tests.benchmarks.problems import PROBLEMS
 began = perf_counter()
 from tests.benchmarks.{module} import contestants
 imported = perf_counter()
-contestant = next(c for c in contestants(PROBLEMS["stick_slip"]) if c.tool == {tool!r} and c.method in ("DOP853", "Taylor", "RKDP87"))
+methods = ("DOP853", "Taylor", "RKDP87")
+found = (c for c in contestants(PROBLEMS["stick_slip"]) if c.tool == {tool!r})
+contestant = next(c for c in found if c.method in methods)
 contestant.make(1e-6)()
 print(imported - began, perf_counter() - imported)
 """
@@ -69,7 +73,9 @@ print(imported - began, perf_counter() - imported)
 
 @dataclass
 class Start:
-    """Seconds for the import of a tool (NumPy and what states the problem are there already) and from there to its first answer."""
+    """Seconds for the import of a tool (NumPy and what states the problem are there already) and
+    from there to its first answer.
+    """
 
     tool: str
     remark: str
@@ -96,7 +102,10 @@ def _child(code: str, **environment: str) -> tuple[float, float]:
 
 
 def start_up(quick: bool, log: Callable = print) -> list[Start]:
-    """start_up(quick, print) -> list of Start: the best of three processes each, one where nothing is kept; NaN for a tool that is not there."""
+    """start_up(quick, print) -> list of Start.
+
+    The best of three processes each, one where nothing is kept; NaN for a tool that is not there.
+    """
     log("start-up …")
     found = []
     for tool, remark, module, name, empty in FIRST:

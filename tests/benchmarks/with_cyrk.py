@@ -1,9 +1,12 @@
-"""CyRK, twice: its pysolve_ivp with its own events, and its solver called from a hybrid solver written for the purpose.
+"""CyRK, twice: its pysolve_ivp with its own events, and its solver called from a hybrid solver
+written for the purpose.
 
-"CyRK": pysolve_ivp with compiled right sides, terminal events and a restart loop. "CyRK, own loop": nbsolve2_ivp inside loops that
-Numba compiles. It has no events, so the loop integrates a stretch with dense output, looks for a change of sign at the steps,
-finds the root on the dense output (Illinois) and starts again there. The length of the stretch is chosen for each problem so that little
-work is thrown away. That is the fastest form, and it is no longer a call of a tool: event location is the user's own program.
+"CyRK": pysolve_ivp with compiled right sides, terminal events and a restart loop. "CyRK, own loop":
+nbsolve2_ivp inside loops that Numba compiles. It has no events, so the loop integrates a stretch
+with dense output, looks for a change of sign at the steps, finds the root on the dense output
+(Illinois) and starts again there. The length of the stretch is chosen for each problem so that
+little work is thrown away. That is the fastest form, and it is no longer a call of a tool: event
+location is the user's own program.
 """
 
 from functools import cache
@@ -21,13 +24,17 @@ METHODS = ("RK45", "DOP853", "Tsit5", "Vern7", "Vern8")
 
 @cache
 def both(function):
-    """One right side, function(dy, t, y, p), as the C function that nbsolve2_ivp takes and as the one that pysolve_ivp calls."""
+    """One right side, function(dy, t, y, p), as the C function that nbsolve2_ivp takes and as the
+    one that pysolve_ivp calls.
+    """
     return cyjit(function).address, njit(function)
 
 
 @njit
 def chase(address, p, guard, t, y, t_end, stretch, method, tol):
-    """(t, state, True) where guard(y, p) first falls through zero after t, or (t_end, state, False)."""
+    """(t, state, True) where guard(y, p) first falls through zero after t, or (t_end, state,
+    False).
+    """
     while t < t_end:
         until = min(t + stretch, t_end)
         run = nbsolve2_ivp(
@@ -239,7 +246,10 @@ def relay(p, start, t_end, nb, method, tol):
 
 
 def slip_flow(dy, t, y, p):
-    """p: m, k, Vp, Fs, Fc, V0, 1 while it slips. The square is held beyond V = −0.2, or a stretch past the stop would run off to infinity."""
+    """p: m, k, Vp, Fs, Fc, V0, 1 while it slips.
+
+    The square is held beyond V = −0.2, or a stretch past the stop would run off to infinity.
+    """
     friction = p[4]
     if y[1] < p[5]:
         friction += (p[3] - p[4]) * (1.0 - max(y[1], -0.2) / p[5]) ** 2
@@ -300,7 +310,9 @@ def stick_slip(p, start, t_end, nb, method, tol):
 
 
 def boost_flow(dy, t, y, p):
-    """p: E, L, RL, 1/((R + RC)C), R/(R + RC), RC, R, 1 while the diode conducts, 0 while both block."""
+    """p: E, L, RL, 1/((R + RC)C), R/(R + RC), RC, R, 1 while the diode conducts, 0 while both
+    block.
+    """
     dy[0] = p[8] * (p[0] - p[2] * y[0] - p[7] * p[4] * (y[1] + p[5] * y[0])) / p[1]
     dy[1] = p[3] * (p[7] * p[6] * y[0] - y[1])
 

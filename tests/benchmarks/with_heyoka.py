@@ -1,7 +1,9 @@
-"""heyoka: Taylor series compiled for the model and the tolerance, terminal events with callbacks that flip parameters.
+"""heyoka: Taylor series compiled for the model and the tolerance, terminal events with callbacks
+that flip parameters.
 
-One integrator a problem, made once; a run sets time, state and parameters back. What decides
-about a mode is a parameter of the right side, so that no integrator is exchanged, and no event is a false alarm.
+One integrator a problem, made once; a run sets time, state and parameters back. What decides about
+a mode is a parameter of the right side, so that no integrator is exchanged, and no event is a false
+alarm.
 """
 
 import heyoka as hy
@@ -15,7 +17,10 @@ def event(expression, act, direction):
 
 
 class Taylor:
-    """An integrator with its events and a list of their instants; each problem adds its own equations and callbacks."""
+    """An integrator with its events and a list of their instants.
+
+    Each problem adds its own equations and callbacks.
+    """
 
     def __init__(self, equations, start, tol, events=(), parameters=()):
         self.begin, self.settings, self.instants = tuple(start), tuple(parameters), []

@@ -1,4 +1,7 @@
-"""PathSim: one ODE block, zero-crossing events and schedules that act on it; no connections, since every block costs time."""
+"""PathSim: one ODE block, zero-crossing events and schedules that act on it.
+
+No connections, since every block costs time.
+"""
 
 from math import sin
 

@@ -1,4 +1,6 @@
-"""SciPy's solve_ivp: terminal events and a restart loop, right sides on plain floats, nothing stored that is not asked for."""
+"""SciPy's solve_ivp: terminal events and a restart loop, right sides on plain floats, nothing
+stored that is not asked for.
+"""
 
 from collections.abc import Callable
 from math import sin
@@ -17,7 +19,10 @@ def event(function: Callable, direction: int) -> Callable:
 
 
 def go(flow, t, t_end, y, events, options, samples=None):
-    """One piece: (end time, state, index of the event that ended it or None). `samples` is (grid, list of arrays to fill)."""
+    """One piece: (end time, state, index of the event that ended it or None).
+
+    `samples` is (grid, list of arrays to fill).
+    """
     if samples is not None:
         grid, out = samples
         options = {**options, "t_eval": grid[grid.searchsorted(t) :]}
