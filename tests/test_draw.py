@@ -23,6 +23,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+from matplotlib.text import Text
 from PIL import Image
 
 from labkit.draw import (
@@ -1162,6 +1163,12 @@ def test_numbers_in_words():
     assert said(0.25) == "0.25" and said(-3) == "−3"
 
 
+def heading(axes):
+    """The title's own artist, which Matplotlib gives no public name on the left."""
+    words = axes.get_title("left")
+    return next(a for a in axes.get_children() if isinstance(a, Text) and a.get_text() == words)
+
+
 def test_title_and_legend_never_lie_over_each_other(block):
     run = simulate(block, 12.0, **PLAIN)
     for width in (9.0, 4.0, 2.6):
@@ -1171,9 +1178,24 @@ def test_title_and_legend_never_lie_over_each_other(block):
             view.figure.set_size_inches(max(width / scale, 1.0), 4.0 / scale)
             view.figure.png()
             renderer, axes = view.figure.canvas.get_renderer(), view.axes[0]
-            title = axes._left_title.get_window_extent(renderer)
+            title = heading(axes).get_window_extent(renderer)
             legend = axes.get_legend().get_window_extent(renderer)
             assert not title.overlaps(legend), (width, scale)
+
+
+def test_a_title_gives_way_to_an_authors_legend():
+    for width in (9.0, 3.0):
+        fig = figure(width=width)
+        axes = fig.axes[0]
+        axes.plot([0, 1], [0, 1], label="a line with a long name")
+        axes.set_title("The title of this picture", loc="left")
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1))
+        for _ in range(2):
+            fig.png()
+        renderer = fig.canvas.get_renderer()
+        box = heading(axes).get_window_extent(renderer)
+        assert not box.overlaps(axes.get_legend().get_window_extent(renderer)), width
+        assert axes.lifted if width < 4 else not axes.lifted
 
 
 def test_the_legend_has_the_colours_of_the_bands_and_of_the_strip(block):

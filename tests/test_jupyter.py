@@ -53,12 +53,13 @@ def started(command, address, log, **options):
     ):
         try:
             port = int(address.rsplit(":", 1)[1])
-            for _ in range(300):
+
+            def answers():
                 assert server.poll() is None, log.read_text()
                 with socket.socket() as door:
-                    if door.connect_ex(("127.0.0.1", port)) == 0:
-                        break
-                time.sleep(0.2)
+                    return door.connect_ex(("127.0.0.1", port)) == 0
+
+            assert until(answers, 240), log.read_text()  # the engine may have to be compiled
             yield server
         finally:
             if server.poll() is None:

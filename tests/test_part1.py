@@ -17,6 +17,7 @@ from labkit import (
     exact,
     explore,
     planes,
+    reflection,
     simulate,
     true_error,
 )
@@ -327,7 +328,7 @@ def test_03_no_mirror_changes_a_star_and_no_measurement_finds_one():
 def test_04_every_galaxy_is_the_centre():
     book = load(assignment(1, 4).path)
     system = book["system"]
-    for phi in np.linspace(-3.2, 3.2, 9):
+    for phi in np.linspace(-180, 180, 9):
         assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(
             0.07 * np.eye(2), abs=1e-16
         )
@@ -335,7 +336,7 @@ def test_04_every_galaxy_is_the_centre():
     centre, other = ({"s1": 0.6, "s2": 0.3}, {"s1": -0.2, "s2": 0.9})
     a, b = (simulate(system, 30.0, start=s, rtol=1e-11, atol=1e-13) for s in (centre, other))
     seen = simulate(
-        system, 30.0, start={"s1": -0.8, "s2": 0.6}, b1=0.0, b2=0.0, rtol=1e-11, atol=1e-13
+        system, 30.0, start={"s1": -0.8, "s2": 0.6}, o1=0.0, o2=0.0, rtol=1e-11, atol=1e-13
     )
     for name in ("s1", "s2"):
         assert b[name] - a[name] == pytest.approx(seen[name], abs=1e-8)
@@ -346,8 +347,15 @@ def test_04_every_galaxy_is_the_centre():
     ):
         run = simulate(system, 30.0, method=method, step=1.0)
         assert (run["s1"][-1] - 0.5) / 0.4 == pytest.approx(factor**30, rel=1e-12)
-    z = 0.07 * 3.9
-    assert 1 - np.log(1 + z + z * z / 2) / z == pytest.approx(0.01, abs=2e-4)  # task 3
+    assert [str(rate) for rate in book["traced"].values()] == ["a*(-o1 + s1)", "a*(-o2 + s2)"]
+    assert book["share"] == pytest.approx(1e-6, rel=1e-4)
+    found = book["solutions"]
+    z = 0.07 * found["Heun"]
+    assert 1 - np.log(1 + z + z * z / 2) / z == pytest.approx(0.01, abs=1e-9)
+    assert (found["hundred"], found["square"]) == pytest.approx((65.79, 69.31), abs=0.01)
+    uneven = system.values({"extra": 0.01, "phi": 77.0})  # now the angle counts
+    G = np.array(book["parts"](uneven)[1].S)
+    assert affine(system, uneven)[0] == pytest.approx(G @ np.diag([0.08, 0.07]) @ G.T)
 
 
 @pytest.mark.skipif(5 not in NUMBERS, reason="not written")
@@ -375,9 +383,29 @@ def test_05_one_direction_and_a_factor_t():
         M = A * np.array([[1, 1 + epsilon], [1, 1]])
         assert np.abs(np.linalg.eigvals(M) + 2).max() == pytest.approx(2 * epsilon**0.5, rel=1e-2)
         assert np.abs(exact(M, (0, 0), (0, 1), t) - exact(A, (0, 0), (0, 1), t)).max() < epsilon
+        M = np.array([[-4 * (1 - epsilon), -4], [1, 0]])  # of the damping, not of the spring
+        shift = np.abs(np.linalg.eigvals(M) + 2).max()
+        assert shift == pytest.approx(2 * (2 * epsilon) ** 0.5, rel=1e-2)
+    assert book["millionth"] == pytest.approx(2.83e-3, rel=1e-3)
     for h, grows in ((0.95, False), (1.0, True)):
-        run = simulate(system, 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201))
+        run = simulate(
+            book["free"], 200 * h, method="Euler", step=h, points=np.linspace(0, 200 * h, 201)
+        )
         assert bool(np.hypot(run["s1"], run["s2"] - 0.25)[-1] > 100) is grows
+    slammed = simulate(system, 6.0, start={"s1": -5.0, "s2": 1.25}, rtol=1e-10)
+    (hit,) = slammed.events["hits the frame"].t  # the door does not go through its frame
+    assert (1 - 3 * hit) * np.exp(-2 * hit) == pytest.approx(-0.25, abs=1e-9)
+    assert slammed["s2"].min() > -1e-9 and slammed.stopped.startswith("terminal event")
+    v = book["slam"]  # lowest angle: y2 = (1 - (v - 2) t) e^{-2t}, where its rate is zero
+    low = 1 / (v - 2) + 0.5
+    assert (1 - (v - 2) * low) * np.exp(-2 * low) == pytest.approx(-0.25, abs=1e-6)
+    found = book["solutions"]
+    assert (found["one second"], found["first axis"]) == pytest.approx((3, 1))
+    assert found["settled"] == pytest.approx([1.88, 2.92], abs=0.005)
+    for c in (1.6, 4.0, 8.0):  # S Λ S⁻¹ = A on both sides of the border
+        p = system.values({"c": c})
+        Lambda, (S, inverse) = book["parts"](p)
+        assert S @ Lambda @ inverse == pytest.approx(affine(system, p)[0])
 
 
 @pytest.mark.skipif(6 not in NUMBERS, reason="not written")
@@ -408,6 +436,22 @@ def test_06_growth_that_feeds_growth():
         )
     mother = simulate(system, 12.0, start={"s1": 1.99, "s2": 2.0})
     assert np.interp(0, -mother["s1"], mother.t) == pytest.approx(2 * np.log(200), rel=1e-4)
+    assert mother.events[0].transition == "mother bankrupt" and mother["s1"].min() > -1e-7
+    lost = simulate(system, 6.0, start={"s1": 1.9, "s2": 1.0}, rtol=1e-10)
+    (hit,) = lost.events["daughter bankrupt"].t  # y2 = −0.1·0.5 t e^{t/2} = −1
+    assert hit * np.exp(hit / 2) == pytest.approx(20, rel=1e-8)
+    assert len(lost.events) == 1 and lost["s2"].min() > -1e-7
+    found = book["solutions"]
+    assert found["expenses"] == pytest.approx([1.5, 3]) and found["d"] == pytest.approx(0)
+    assert found["start"] == pytest.approx(2 - 2 * np.exp(-10))
+    for delta in (0.15, 0.005):  # S Λ S⁻¹ = A beside the border, too
+        p = system.values({"delta": delta, "mu": 1.5})
+        Lambda, (S, inverse) = book["parts"](p)
+        assert S @ Lambda @ inverse == pytest.approx(affine(system, p)[0])
+    faster = exact(affine(system, system.values({"delta": 0.005}))[0], (0, 0), (0.1, 0), [5.0])
+    assert faster[0, 1] / exact(A, (0, 0), (0.1, 0), [5.0])[0, 1] == pytest.approx(
+        (np.exp(0.025) - 1) / 0.025, rel=1e-9
+    )
 
 
 @pytest.mark.skipif(7 not in NUMBERS, reason="not written")
@@ -421,30 +465,25 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
     assert pytest.approx(np.array([[-1, -3], [-3, -1]]) / 2) == A and b == pytest.approx(
         [4 * 1.2 / 2] * 2
     )  # g = 3, τ = 2 ns, s* = 1.2 V
-    for delta in (1e-1, 1e-4, 1e-8):
-        run = simulate(
-            system,
-            30.0,
-            start={"s1": 2.2, "s2": 2.2 - delta},
-            points=30_001,
-            rtol=1e-12,
-            atol=1e-15,
-        )
-        assert run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)] == pytest.approx(
-            np.log(1.2 / delta), abs=0.01
-        )
-    run = simulate(system, 60.0, start={"s1": 2.2, "s2": 2.2}, method="RK45", rtol=1e-4, atol=1e-6)
-    left = run.t[np.argmax(np.abs(run["s1"] - run["s2"]) > 1.2)]
-    assert (
-        left == 0 or 30 < left < 45
-    )  # by rounding alone, and not at all where rounding happens to be symmetric
+    for delta in (1e-1, 1e-4, 1e-8):  # at a rail when the difference is as large as the supply
+        run = simulate(system, 30.0, start={"s1": 2.2, "s2": 2.2 - delta}, rtol=1e-12)
+        (left,) = run.events["left high"].t
+        assert left == pytest.approx(np.log(2.4 / delta), abs=0.002) and run.t[-1] == left
+        both = np.array([run["s1"], run["s2"]])
+        assert both.min() > -1e-9 and both.max() < 2.4 + 1e-9  # not beyond the rails
+    for options in ({"method": "RK45", "rtol": 1e-4}, {"method": "DOP853", "rtol": 1e-12}):
+        run = simulate(system, 60.0, start={"s1": 2.2, "s2": 2.2}, **options)
+        assert np.all(run["s1"] == run["s2"]) and not len(run.events)  # its rounding is symmetric
+        run = simulate(book["system_two"], 60.0, start={"y1": 1.0, "y2": 1.0}, **options)
+        left = run.t[np.argmax(np.abs(run["y1"] - run["y2"]) > 2.4)]
+        assert 30 < left < 45  # by rounding alone
     nearest = [
         np.hypot(*(exact(A, b, s, np.linspace(0, 4, 4001)) - 1.2).T).min()
         for s in ((2.2, 2.15), (0.1, 0.3))
     ]
     assert nearest == pytest.approx([0.16, 0.42], abs=0.005)  # task 3
     euler = simulate(
-        system,
+        book["no_rails"],
         12.0,
         method="Euler",
         step=1.2,
@@ -452,6 +491,17 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
         points=np.linspace(0, 12, 11),
     )
     assert euler["s1"] + euler["s2"] - 2.4 == pytest.approx(2 * (-1.4) ** np.arange(11), rel=1e-6)
+    start = dict(zip(system.states, book["begin"], strict=True))
+    past = simulate(book["past"], 6.9, start=start, rtol=1e-12)
+    beside = past.final["s1"] - past.final["s2"]
+    assert beside == pytest.approx(2**0.5 * 1e-9 * np.exp(-6.9), rel=1e-2)  # 1.43e-12 V, not 0
+    found = book["solutions"]
+    assert found["small"] == pytest.approx(4.947e-9, rel=1e-3) and found["faster"] == 2
+    assert found["nearest"] == pytest.approx(nearest)
+    assert np.sign(reflection((1.0, found["u2"])).S[0, 1]) == -1
+    written = simulate(system, 20.0, start={"s1": 1.2, "s2": 1.2}, w=0.5)
+    assert written.events[0].transition == "left high"  # the write line pushes the left output up
+    assert book["times"][-1] == pytest.approx(np.log(2.4 / (1 - 0.5 / 20_000)), abs=1e-6)
 
 
 @pytest.mark.skipif(8 not in NUMBERS, reason="not written")

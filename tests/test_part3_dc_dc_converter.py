@@ -1,4 +1,7 @@
-"""Part 3, item 6 on the notebook's own model: every period against matrix exponentials, gains, the border of discontinuous conduction, iL ≥ 0."""
+"""Part 3, item 6 on the notebook's own model: every period against matrix exponentials, gains.
+
+The border of discontinuous conduction, iL ≥ 0.
+"""
 
 import numpy as np
 import pytest
@@ -32,7 +35,10 @@ def matrices(p):
 
 
 def reference(p, periods):
-    """(iL, v) at the ticks and the instants at which the diode blocks, each of them bracketed within its period."""
+    """(iL, v) at the ticks and the instants at which the diode blocks.
+
+    Each of them bracketed within its period.
+    """
     on, diode, off = matrices(p)
     rest = (1 - p.d) * p.Ts
     charge, deliver = expm(on * p.d * p.Ts), expm(diode * rest)
@@ -159,7 +165,10 @@ def test_discontinuous_gain(system, d, R):
 
 
 def test_border_of_discontinuous_conduction(system):
-    """160 Ω by the formula, which takes the voltage for constant; with its ripple and the losses the border moves by a tenth of a percent."""
+    """160 Ω by the formula, which takes the voltage for constant.
+
+    With its ripple and the losses the border moves by a tenth of a percent.
+    """
     assert load(NAME)["border"](0.5, system.values()) == pytest.approx(160.0)
     for losses, low, high in (({"RL": 0.0, "RC": 0.0}, 159.7, 160.1), ({}, 160.0, 160.3)):
         kinds = [np.any(steady(system, R=R, **losses).mode[3:] == "off") for R in (low, high)]
@@ -180,7 +189,10 @@ def test_mean_of_the_output_is_the_mean_of_the_capacitor(system):
 
 
 def test_power_balance_of_the_steady_state(system):
-    """What the source gives is what the load and both resistances take, R_C from the charge that the capacitor exchanges."""
+    """What the source gives is what the load and both resistances take.
+
+    R_C from the charge that the capacitor exchanges.
+    """
     for R in (50.0, 200.0):
         run, p = steady(system, R=R), system.values({"R": R})
         iC = np.where(run.mode == "diode", run["iL"], 0.0) - run["v_out"] / R
@@ -204,7 +216,10 @@ def test_load_steps_are_runs_with_another_load(system):
 
 
 def test_printed_matrix_makes_energy_out_of_nothing():
-    """Lossless and without source and load, C v v' + L i i' is zero with L and (1 − L/C) i v with C in its place."""
+    """Lossless and without source and load.
+
+    C v v' + L i i' is zero with L and (1 − L/C) i v with C in its place.
+    """
     names = load(NAME)
     system, system_three = names["system"], names["system_three"]
     p, s = system.values()._replace(E=0.0, RL=0.0, RC=0.0, R=1e15), system.S["diode"](2.0, 40.0)

@@ -1,4 +1,7 @@
-"""The handbook's sample 4.3 on the notebook's own model: first slip, the erratum's numbers, the sharp-drop limit, energy."""
+"""The handbook's sample 4.3 on the notebook's own model: first slip, the erratum's numbers.
+
+The sharp-drop limit, energy.
+"""
 
 import math
 
@@ -60,7 +63,10 @@ def test_sharp_drop_is_the_limit(system):
 
 
 def test_handbook_numbers_leave_no_drop(system):
-    """With Fc = Fs the block follows V = Vp(1 − cos ωτ): highest speed 4, period 4.443, no sticking that lasts."""
+    """With Fc = Fs the block follows V = Vp(1 − cos ωτ): highest speed 4, period 4.443.
+
+    No sticking that lasts.
+    """
     run = simulate(system, 30.0, Fc=5.88, rtol=1e-11, atol=1e-13, points=30001)
     tau = np.maximum(run.t - 1.47, 0)
     assert np.abs(run["V"] - 2 * (1 - np.cos(math.sqrt(2) * tau))).max() < 1e-6
@@ -77,7 +83,10 @@ def test_inside_the_ring_nothing_is_lost(system):
 
 
 def test_energy_balance_over_the_run(system):
-    """Work of the pull = change of spring and kinetic energy + what friction took, by quadrature of the samples."""
+    """Work of the pull = change of spring and kinetic energy + what friction took.
+
+    By quadrature of the samples.
+    """
     run = simulate(system, 30.0, points=60001, **TIGHT)
     pull = np.trapezoid(2 * run["x"] * 2.0, run.t)
     lost = np.trapezoid(run["F"] * run["V"], run.t)

@@ -47,7 +47,10 @@ def test_the_handbooks_values(book, system):
 
 
 def test_both_branches_at_the_start(system):
-    """Each branch is consistent with the force that it causes, and they lead to the handbook's extremes."""
+    """Each branch is consistent with the force that it causes.
+
+    And they lead to the handbook's extremes.
+    """
     right, left = (simulate(system, 10.0, first=way) for way in (1, -1))
     assert [(round(e.before["x"], 3), round(e.t, 3)) for e in turns(right)] == [
         (3.035, 3.967),
@@ -68,7 +71,10 @@ def test_both_branches_at_the_start(system):
 
 
 def test_the_outer_force_ends_the_doubt(system):
-    """From rest at a later instant both ways are open as long as h sin ωt ≤ K, up to asin(0.8) = 0.9273 s."""
+    """From rest at a later instant both ways are open as long as h sin ωt ≤ K.
+
+    Up to asin(0.8) = 0.9273 s.
+    """
     for t0, ways in ((0.927, {"right, driven", "left, driven"}), (0.928, {"right, driven"})):
         assert {simulate(system, 2.0, t0=t0, first=way).mode[0] for way in (1, -1)} == ways
 
@@ -128,7 +134,10 @@ starts = st.fixed_dictionaries(
 @settings(max_examples=60)
 @given(starts, st.floats(0, 4), st.floats(0.3, 4), st.sampled_from([1, -1]), st.floats(0, 6))
 def test_every_start_obeys_the_formula(start, h, omega, first, t0):
-    """Whatever is clicked: the run finishes, and F is the handbook's at every sample that has a value."""
+    """Whatever is clicked: the run finishes.
+
+    And F is the handbook's at every sample that has a value.
+    """
     run = simulate(
         load(NAME)["system"], t0 + 12.0, t0=t0, start=start, h=h, omega=omega, first=first
     )
@@ -177,7 +186,10 @@ def test_the_readings_part_at_a_turn_inside_the_loop(book):
 
 
 def test_answers_of_the_tasks(system):
-    """1 half the loop; 3 a start with a direction; 4 where the first turn falls inside the loop; 5 the damped self-oscillation."""
+    """1 half the loop; 3 a start with a direction; 4 where the first turn falls inside the loop.
+
+    5 the damped self-oscillation.
+    """
     ninth = turns(simulate(system, 60.0, h=0, a=0.2))[8]
     assert (round(ninth.before["x"], 3), round(ninth.t, 2)) == (3.6, 39.55)
     for first in (1, -1):
@@ -207,7 +219,10 @@ def test_one_character_chooses_the_future(book):
 
 
 def test_location_pays(book, system):
-    """The claims of section 6: less error and less work at one tolerance; order 4 with located events, order 1 without."""
+    """The claims of section 6: less error and less work at one tolerance.
+
+    Order 4 with located events, order 1 without.
+    """
     x = book["exact"](60.0)[1]
 
     def trial(model, **options):

@@ -133,6 +133,7 @@ class HouseAxes(Axes):
     #: title and entries of the legend as `head` has set them, and the room that there was for them
     headed: tuple[str, list[tuple[Artist, str]]] | None = None
     roomed = 0.0
+    lifted = 0  # by how many points a title stands higher, for a legend below it
 
     def __init__(self, *arguments: Any, **options: Any):
         super().__init__(*arguments, **options)
@@ -189,6 +190,23 @@ class Figure(matplotlib.figure.Figure):
                 wide = axes.get_position().width * self.get_figwidth()
                 if not 0.85 < wide / axes.roomed < 1.25:
                     head(axes, *headed)
+            elif axes.get_legend() is not None and axes.get_title("left"):
+                self._lift(axes)
+
+    def _lift(self, axes: Axes) -> None:
+        """Puts a title above a legend that an author has put where the title would be."""
+        renderer, words = self.canvas.get_renderer(), axes.get_title("left")
+        box = axes.get_legend().get_window_extent(renderer)
+        size = axes.title.get_fontsize()
+        over = (box.y1 - axes.bbox.y1) * 72 / self.dpi
+        wide = 72 * _inches(words, size)
+        if over > 6 and (box.x0 - axes.bbox.x0) * 72 / self.dpi < wide + size:
+            if getattr(axes, "lifted", 0) != round(over):
+                axes.lifted = round(over)
+                axes.set_title(words, loc="left", pad=over + 4)
+        elif getattr(axes, "lifted", 0):
+            axes.lifted = 0
+            axes.set_title(words, loc="left", pad=6)
 
     def add_subplot(self, *arguments: Any, **options: Any) -> Axes:
         """fig.add_subplot(projection="polar"): as Matplotlib's, in the house style."""

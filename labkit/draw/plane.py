@@ -163,7 +163,7 @@ class Plane:
                 return (np.nan,) * width
             return tuple(value) if width > 1 else (value,)
 
-        if len(x) > 16:
+        if len(x) > (16 if self._tried[function] < 20 else 3):
             try:
                 with np.errstate(all="ignore"):
                     value = self._wide[function](t, state(mode, x, y), p)
@@ -504,7 +504,7 @@ def separatrices(
         new[ends] = np.nan
         u[~live], u[live] = np.nan, new
         path.append(u)
-        live[live] = ~ends & (np.abs(new - 0.5) < 1.0).all(axis=1)
+        live[live] = ~ends & (np.abs(new - 0.5) < 0.75).all(axis=1)
         if not live.any():
             break
     curves = corner + np.stack(path, axis=1) * size
