@@ -67,7 +67,16 @@ def put(text: str, names: Mapping[str, object]) -> str:
     """The formula with other formulas in place of names."""
     if not names:
         return text
-    return ast.unparse(_Put({key: str(value) for key, value in names.items()}).visit(parsed(text)))
+    made = ast.unparse(_Put({key: str(value) for key, value in names.items()}).visit(parsed(text)))
+    return made if all(str(value).isidentifier() for value in names.values()) else _short(made)
+
+
+def _short(text: str) -> str:
+    """The formula with what cancels left out, p*L*x/L as p*x; with decimal numbers as it is."""
+    import sympy as sp
+
+    value = sympy_of(text, {n: sp.Symbol(n) for n in names_of(text) if n not in FUNCTIONS})
+    return text if value.atoms(sp.Float) else str(value)
 
 
 class _Python(ast.NodeTransformer):

@@ -343,9 +343,11 @@ def test_the_sample_has_two_futures_and_a_relay_with_memory_a_third():
 
 def test_names_may_be_put_for_names():
     made = characteristic("saturation", K="p*L", a="L")
+    assert made.rising.pieces == ("-L*p", "p*x", "L*p") and made.rising.edges == ("-L", "L")
     assert made.parameters == {"p", "L"} and made(0.25, {"p": 2.0, "L": 0.5}) == 0.5
     assert made(3.0, {"p": 2.0, "L": 0.5}) == 1.0
     assert characteristic("relay", K=0.7)(-1.0) == -0.7
+    assert characteristic("smooth relay", alpha="2*b").rising.pieces == ("2*K*atan(2*b*x)/pi",)
 
 
 @pytest.mark.parametrize(
