@@ -148,6 +148,22 @@ def test_three_steady_swings_have_a_theory():
     assert len(book["roots"]) == 4
     one = book["steady"](book["swings"]["large"])
     assert one == pytest.approx(book["roots"][-1], rel=0.02)
+    turn = 2 * math.pi / 1.3
+    t = 300.0 + np.linspace(0, turn, 50)
+    for swing in book["swings"].values():  # each repeats with the force, and is its own mirror
+        x = swing.at(t)["x"]
+        assert swing.at(t + turn)["x"] == pytest.approx(x, abs=2e-3)
+        assert swing.at(t + turn / 2)["x"] == pytest.approx(-x, abs=2e-3)
+
+
+def test_two_hundred_starts_lead_to_three_swings():
+    """The state after a whole number of periods: three points, whatever the start."""
+    system, turn, seen = load(ZONE)["shaken"], 2 * math.pi / 1.3, set()
+    for x in np.linspace(-4, 4, 15):
+        for v in np.linspace(-4, 4, 15):
+            run = simulate(system, 90 * turn, start={"x": x, "v": v}, points=2)
+            seen.add((round(run.final["x"], 1), round(run.final["v"], 1)))
+    assert len(seen) == 3
 
 
 @few
