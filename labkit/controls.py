@@ -1,4 +1,4 @@
-"""Sliders and selects made from a model: which there are, their ranges, steps and names. Used by `explore`."""
+"""Sliders and selects made from a model: their ranges, steps and names. Used by `explore`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ from .model import ModelError, System, listed, number
 from .run import Run
 from .solve import METHODS
 
-__all__ = ["SETTINGS", "Control", "controls_of", "rounded"]
+__all__ = ["SETTINGS", "Control", "controls_of", "rounded", "symbol_and_index"]
 
 SETTINGS = ("t_end", "method", "rtol", "step")
 
 
 @dataclass
 class Control:
-    """One slider or select. `key` is "p.g", "start.y", "choice.…" or an option of simulate; a log slider has `step` in decades."""
+    """One slider or select. `key` is "p.g", "start.y", "choice.…" or an option of simulate.
+
+    A log slider has `step` in decades. The grid of a slider's values begins at `base`: at `low`
+    where the author gave the step, else at 0, so that the values are round numbers.
+    """
 
     key: str
     group: str
@@ -38,10 +42,24 @@ class Control:
     meaning: str = ""
     options: tuple[str, ...] = ()
     only: str = ""  # shown with "fixed" or with "adaptive" methods only
+    base: float = 0.0
 
     @property
     def ends(self) -> tuple[float | str, ...]:
         return self.options if self.kind == "select" else (self.low, self.high)
+
+    def nearest(self, value: float) -> float:
+        """control.nearest(0.123) -> 0.12: on the slider's grid; panel.js has the same formula."""
+        log = self.kind == "log"
+        at = math.log10(value) if log else value
+        on = self.base + math.floor((at - self.base) / self.step + 0.5) * self.step
+        digits = (2 if self.step < 1 else 1) if log else 12
+        return min(max(float(f"{10**on if log else on:.{digits}g}"), self.low), self.high)
+
+    def __str__(self) -> str:
+        value = self.value if isinstance(self.value, str) else f"{self.value:.6g}".replace("-", "−")
+        index = f"_{self.index}" if self.index and not self.index.isdigit() else self.index
+        return f"{self.name}{index} = {value} {self.unit}".strip()
 
 
 def controls_of(
@@ -54,7 +72,7 @@ def controls_of(
     run: Run,
     startable: Callable[[str, float], bool],
 ) -> list[Control]:
-    """The sliders in their groups, with the range that the author, the Parameter or the default run gives each."""
+    """The sliders in their groups; author, Parameter or default run give each its range."""
     only = (
         None
         if sliders is None or isinstance(sliders, Mapping)
@@ -66,7 +84,8 @@ def controls_of(
     known = [*system.parameters, *system.units, *SETTINGS]
     if unknown := [name for name in (only or ranges) if name not in known]:
         raise ModelError(
-            f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are {listed(known)}"
+            f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are "
+            f"{listed(known)}"
         )
     wanted = [
         name
@@ -83,7 +102,7 @@ def controls_of(
             Control(
                 f"p.{name}",
                 "parameters",
-                *_symbol(name, made.symbol),
+                *symbol_and_index(name, made.symbol),
                 p[name],
                 low=low,
                 high=high,
@@ -113,7 +132,7 @@ def controls_of(
             Control(
                 f"start.{name}",
                 "start",
-                *_symbol(name),
+                *symbol_and_index(name),
                 begin[name],
                 low=low,
                 high=high,
@@ -183,8 +202,10 @@ def controls_of(
                 )
             except TypeError:
                 raise ModelError(
-                    f"slider of {name!r} must be (low, high), (low, high, step) or False, not {ranges[name]!r}"
+                    f"slider of {name!r} must be (low, high), (low, high, step) or False, "
+                    f"not {ranges[name]!r}"
                 ) from None
+        low = control.low
         if control.kind != "select":
             control.low, control.high = (
                 min(control.low, control.value),
@@ -192,15 +213,25 @@ def controls_of(
             )
             if control.low >= control.high or (control.kind == "log" and control.low <= 0):
                 raise ModelError(
-                    f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: give sliders={{{name!r}: (low, high)}}"
+                    f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: "
+                    f"give sliders={{{name!r}: (low, high)}}"
                 )
-        if control.kind == "slider":
-            control.step = step[0] if step else _nice((control.high - control.low) / 250)
+        if control.kind == "slider" and step:
+            if not step[0] > 0:
+                raise ModelError(
+                    f"the slider of {name!r} has the step {step[0]:g}: a step must be above 0"
+                )
+            control.step, control.base = step[0], low
+        elif control.kind == "slider":
+            control.step = _nice((control.high - control.low) / 250)
     return [control for control in controls if control.key.rpartition(".")[2] in wanted]
 
 
 def _span(value: float, low: float | None, high: float | None) -> tuple[float, float]:
-    """The declared range; an end that is not declared lies near the value and, unless the value is 0, on its side of zero."""
+    """The declared range.
+
+    An end that is not declared lies near the value and, unless that is 0, on its side of zero.
+    """
     near = sorted((rounded(0.2 * value, 1), rounded(2.5 * value, 2))) if value else (-1.0, 1.0)
     reach = max(near[1] - near[0], abs(value))
     below, above = (
@@ -222,8 +253,11 @@ def _nice(value: float) -> float:
     )
 
 
-def _symbol(name: str, latex: str | None = None) -> tuple[str, str]:
-    """_symbol("omega0") -> ("ω", "0"): letter and index as plain text for the page, from the symbol that equations and axes use."""
+def symbol_and_index(name: str, latex: str | None = None) -> tuple[str, str]:
+    """symbol_and_index("omega0") -> ("ω", "0"): letter and index as plain text for the page.
+
+    From the symbol that equations and axes use.
+    """
     text = re.sub(
         r"\\(?:mathrm|text|mathit)\{([^{}]*)\}", r"\1", (latex or symbol(name)).strip("$")
     )

@@ -189,7 +189,7 @@ def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndar
                 f"the state drifts for ever ({drive:.3g} across that line)"
             )
         else:
-            (x, y), (dx, dy) = -Vt[0] * (U[:, 0] @ b) / s[0], Vt[1]
+            (x, y), (dx, dy) = -Vt[0] * (U[:, 0] @ b) / s[0] + 0.0, Vt[1]  # never −0
             why = (
                 f"A does not feel the direction ({dx:.3g}, {dy:.3g}): every point of the line "
                 f"through ({x:.3g}, {y:.3g}) along it is at rest"

@@ -1,18 +1,26 @@
 """A panel: sliders made from the model and a live figure, in one widget.
 
-    explore(ball, 12.0)                                   # time plot and phase portrait, all sliders
-    explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False}, verdict=lambda run: f"{len(run.events)} bounces")
+    explore(ball, 12.0)                         # time plot and phase portrait, all sliders
+    explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False})
+    explore(ball, 12.0, picture, verdict=lambda run: f"{len(run.events)} bounces")
     explore(ball, 12.0, picture, presets={"dead": {"e": 0.0}, "on the moon": {"g": 1.62}})
 
-Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values with a number,
-one unanswered message at a time; `Panel` answers each with one picture (or one error) that carries the number.
+Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values
+with a number, one unanswered message at a time; `Panel` answers each with one picture (or one
+error) that carries the number.
 A picture is what has changed of the figure, as strokes for a canvas: see draw/record.py.
 """
 
 from __future__ import annotations
 
+import io
+import mimetypes
 import os
 import re
+import shutil
+import sys
+import tempfile
+import textwrap
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -23,31 +31,37 @@ from typing import Any, Protocol
 import anywidget
 import numpy as np
 import traitlets
+from matplotlib.text import Text
+from PIL import Image
 
-from .controls import SETTINGS, Control, controls_of, rounded
+from .controls import SETTINGS, Control, controls_of, rounded, symbol_and_index
 from .draw.curves import Curves
-from .draw.figure import CSS_DPI
+from .draw.figure import CSS_DPI, PNG_DPI, _palette_png, figure, style
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
 from .draw.sketch import Motion
 from .draw.view import Only, Together
 from .draw.words import described
+from .interrupt import hear_interrupts, interruptible
 from .model import ModelError, System, listed, number, unambiguous
-from .run import Run
+from .run import Ended, Run
 from .several import Merged, Several
 from .solve import FIXED_STEP, simulate
 
 __all__ = ["Control", "Panel", "View", "explore"]
 
 MOST = 3_000_000  # bytes of points; a picture with more of them is sent as a bitmap
+KINDS = {"ready", "set", "drag", "limits", "start", "clear", "cursor", "hold", "large", "undo"}
+METHOD, RTOL = "DOP853", 1e-8  # what explore begins with
 
 
 class View(Protocol):
-    """What a panel needs of a picture: any object with these four, made once by `draw(run)` from the default run.
+    """What a panel needs of a picture: an object with these four, made once by `draw(run)`.
 
     figure     made by labkit.draw.figure
-    artists    those that `update` changes: drawn anew for every picture, the rest of the figure only once
-    relimited  True when the last `update` changed anything else (limits, ticks, a title): the still part is drawn again
+    artists    those that `update` changes: drawn anew for every picture, the rest only once
+    relimited  True when the last `update` changed anything else (limits, ticks, a title): then
+               the still part is drawn again
     """
 
     figure: Any
@@ -58,14 +72,16 @@ class View(Protocol):
 
 
 class Panel(anywidget.AnyWidget):
-    """Panel(title, controls, compute, view, verdict, run, presets): the widget behind `explore`. compute(values by control key) -> Run."""
+    """Panel(title, controls, compute, view, verdict, run, presets): the widget behind `explore`.
+
+    compute(values by control key) -> Run.
+    """
 
     _esm = Path(__file__).with_name("panel.js")
     _css = Path(__file__).with_name("panel.css")
     spec = traitlets.Dict().tag(sync=True)
-    first = traitlets.Bytes().tag(
-        sync=True
-    )  # the default run's picture, sent once: a panel is not empty while later cells run
+    # The default run's picture, sent once: a panel is not empty while later cells run.
+    first = traitlets.Bytes().tag(sync=True)
 
     def __init__(
         self,
@@ -77,22 +93,13 @@ class Panel(anywidget.AnyWidget):
         run: Run,
         presets: Mapping[str, dict] | None = None,
     ):
-        self.title, self.controls, self.compute, self.verdict, self.run, self.presets = (
-            title,
-            controls,
-            compute,
-            verdict,
-            run,
-            dict(presets or {}),
-        )
+        self.title, self.controls, self.compute, self.verdict = title, controls, compute, verdict
+        self.run, self.presets, self.first_run = run, dict(presets or {}), run
         self.defaults = {control.key: control.value for control in controls}
-        self.values, self.figure, self.size, self.png = (
-            dict(self.defaults),
-            view.figure,
-            view.figure.css_size,
-            view.figure.png(),
-        )
-        # What follows is on the screen only: handles for the start in each plane, cursor, held run, clicked trajectories.
+        self.values, self.figure = dict(self.defaults), view.figure
+        self.size, self.png = view.figure.css_size, view.figure.png()
+        # What follows is on the screen only: handles for the start in each plane, cursor, held run,
+        # clicked trajectories.
         views = getattr(view, "views", (view,))
         self.shows = [show for part in views for show in getattr(part, "shows", ())]
         starts = [
@@ -101,20 +108,21 @@ class Panel(anywidget.AnyWidget):
             if show.plane
             and any(f"start.{name}" in self.defaults for name in (show.x, *show.names))
         ]
-        self.overlay, self.handles = (
-            Overlay(self.shows),
-            [part for part in (*views, *starts) if isinstance(part, Handle)],
-        )
+        self.overlay = Overlay(self.shows)
+        self.handles = [part for part in (*views, *starts) if isinstance(part, Handle)]
         for handle in starts:
             handle.update(run)
         self.view = Together(*views, self.overlay, *starts)
         self.scene = Scene(self.view)
         self.begun: list[dict[str, float]] = []  # start values of the clicked trajectories
         self.home: dict[Any, tuple] = {}  # limits of the axes that the user has zoomed
-        self.t: float | None = None
+        self.limits = {axes: (axes.get_xlim(), axes.get_ylim()) for axes in self.figure.axes}
+        self.kept, self.past = self.values, []  # settings after the last change, and before it
+        self.held, self.t = False, None
         self.inches = tuple(view.figure.get_size_inches())
-        self.words = str(verdict(run))
+        self.stopped, self.words = self._judge(run)
         width, height = (float(CSS_DPI * inches) for inches in self.figure.get_size_inches())
+        moves = bool(self.shows) or any(isinstance(part, Motion) for part in views)
         super().__init__(
             first=self.png,
             spec={
@@ -123,44 +131,57 @@ class Panel(anywidget.AnyWidget):
                 "height": height,
                 "fixed": FIXED_STEP,
                 "verdict": self.words,
+                "stopped": self.stopped,
                 "alt": _in_words(view.figure, title),
                 "controls": [asdict(control) for control in controls],
                 "presets": self.presets,
                 "time": run.system.time,
-                "planes": any(s.plane for s in self.shows),
+                "axes": len(self.figure.axes),
+                "planes": any(show.plane for show in self.shows),
                 "handles": [handle.meaning for handle in self.handles],
-                "moves": bool(self.shows) or any(isinstance(part, Motion) for part in views),
+                "moves": moves,
+                # Under Voilà the kernel's folder is not the reader's.
+                "download": os.environ.get("SERVER_SOFTWARE", "").startswith("voila"),
             },
         )
         self.on_msg(self._receive)
+        hear_interrupts()
 
     def _repr_mimebundle_(self, **_: object) -> tuple[dict, dict]:
-        """The widget view, and beside it the static picture, which is all that a saved notebook keeps."""
+        """The widget view, and a picture with its words: all that a saved notebook keeps."""
         data, metadata = super()._repr_mimebundle_()
-        width, height = self.size
-        return {**data, "image/png": self.png, "text/plain": repr(self)}, {
+        (width, height), run = self.size, self.first_run
+        # No measured time in it: the picture is the same whenever the notebook runs.
+        said = _counted(run) if self.verdict is _verdict else self._judge(run)[1]
+        fixed = self.defaults.get("method") in FIXED_STEP
+        values = [str(one) for one in self.controls if one.only != ("adaptive", "fixed")[not fixed]]
+        values = [value.replace(" ", "\u00a0") for value in values]  # no line breaks inside
+        lines = [", ".join(values), self._judge(run)[0], said, "Run this cell for sliders."]
+        png, more = _captioned(self.png, self.inches[0], list(filter(None, lines)))
+        return {**data, "image/png": png, "text/plain": repr(self)}, {
             **metadata,
-            "image/png": {"width": width, "height": height},
+            "image/png": {"width": width, "height": height + more, "alt": self.spec["alt"]},
         }
 
     def __repr__(self) -> str:
         return f"panel of {self.title!r}"
 
     def check(self) -> None:
-        """panel.check(): compute, update the picture and judge at both ends of every slider, at every choice and preset; errors come out."""
+        """panel.check(): compute, update the picture and judge; errors come out.
+
+        At both ends of every slider, at every choice and preset.
+        """
         tries = [
             ({control.key: end}, f"{control.name}{control.index} = {end}")
             for control in self.controls
             for end in control.ends
         ]
-        for values, words in [
-            *tries,
-            *((values, f"preset {name!r}") for name, values in self.presets.items()),
-        ]:
+        tries += [(values, f"preset {name!r}") for name, values in self.presets.items()]
+        for values, words in tries:
             try:
                 run = self.compute(self.defaults | values)
                 self.view.update(run)
-                str(self.verdict(run))
+                self._judge(run)
             except Exception as error:
                 error.add_note(f"in the panel of {self.title!r}, with {words}")
                 raise
@@ -168,37 +189,74 @@ class Panel(anywidget.AnyWidget):
         self._picture()
         self.scene.forget()  # nobody has seen this picture
 
-    # -- what the browser asks for --------------------------------------------------------------------------------------
+    def _judge(self, run: Run) -> tuple[str, str]:
+        """Why the run did not come to its end, and the verdict, which is on complete runs only."""
+        if run.ended in (Ended.FINISHED, Ended.TERMINAL):
+            return "", str(self.verdict(run))
+        return f"The run stopped before its end: {run.stopped}.", ""
+
+    def code(self) -> str:
+        """panel.code() -> 'explore(system, 12.0, k=2.3, start={"x": 1.0}, method="RK45")'.
+
+        The settings on show as a line of Python: what differs from the model and from `simulate`.
+        """
+        run, said = self.run, []
+        system = run.system
+        for name, made in system.parameters.items():
+            if (value := getattr(run.p, name)) != made.value:
+                said.append(f"{name}={_written(value)}")
+        first = [
+            f'"{name}": {_written(value)}'
+            for name, value in run.start.items()
+            if value != system.start.get(name)
+        ]
+        said += ["start={" + ", ".join(first) + "}"] if first else []
+        values = self.values
+        if values.get("method", METHOD) != METHOD:
+            said.append(f'method="{values["method"]}"')
+        if values.get("method") in FIXED_STEP:
+            said.append(f"step={_written(values['step'])}" if "step" in values else "")
+        elif values.get("rtol", RTOL) != RTOL:
+            said.append(f"rtol={_written(values['rtol'])}")
+        name = _name_of(system, "system")
+        if isinstance(run, Several):
+            each = [f'"{label}": {_name_of(one, label)}' for label, one in system.systems.items()]
+            name = "{" + ", ".join(each) + "}"
+        end = _written(values.get("t_end", run.t[-1]))
+        chosen = [
+            f"{control.name}: {values[control.key]}"
+            for control in self.controls
+            if control.key.startswith("choice.") and values[control.key] != control.value
+        ]
+        line = f"explore({', '.join([name, end, *filter(None, said)])})"
+        return line + (f"  # {', '.join(chosen)}" if chosen else "")
+
+    # -- what the browser asks for -----------------------------------------------------------------
 
     def _receive(self, _: object, message: dict, __: object) -> None:
-        """Every message gets one answer: a picture, or a sentence after an export or when something went wrong."""
+        """Every message gets one answer: a picture, or a sentence after an export or an error."""
         buffers: list[bytes] = []
         kind = message["kind"]
         try:
-            if kind == "export":
-                answer = {"kind": "said", "text": self.export(message["what"])}
-            elif kind not in (
-                "ready",
-                "set",
-                "drag",
-                "limits",
-                "start",
-                "clear",
-                "cursor",
-                "hold",
-                "large",
-            ):
-                raise ModelError(f"a panel cannot {kind!r}")
-            else:
-                getattr(self, f"_{kind}")(message)
-                self._resize(float(message.get("scale", 1.0)))
-                answer, buffers = self._picture(
-                    min(max(float(message.get("ratio", 1.0)), 0.3), 3.0),
-                    message.get("settled", True),
-                    kind == "ready",
-                )
+            with interruptible():
+                if kind == "export":
+                    answer, buffers = self._export(message)
+                elif kind not in KINDS:
+                    raise ModelError(f"a panel cannot {kind!r}")
+                else:
+                    getattr(self, f"_{kind}")(message)
+                    if kind in ("set", "drag") and message.get("settled", True):
+                        self._keep()
+                    self._resize(float(message.get("scale", 1.0)))
+                    answer, buffers = self._picture(
+                        min(max(float(message.get("ratio", 1.0)), 0.3), 3.0),
+                        message.get("settled", True),
+                        kind == "ready",
+                    )
         except ModelError as error:
             answer = {"kind": "error", "text": str(error)}
+        except KeyboardInterrupt:
+            answer = {"kind": "error", "text": "Interrupted. The picture shows the run before."}
         except Exception as error:
             answer = {
                 "kind": "error",
@@ -211,7 +269,24 @@ class Panel(anywidget.AnyWidget):
         """A new page wants the whole picture."""
 
     def _set(self, message: dict) -> None:
+        if message.get("home"):  # all as at first, axes and cursor too
+            self.home.clear()
+            self.t = None
+            for axes, (x, y) in self.limits.items():
+                axes.set_xlim(x, auto=None)
+                axes.set_ylim(y, auto=None)
         self._show((self.defaults if message.get("reset") else self.values) | message["values"])
+
+    def _keep(self) -> None:
+        """A step that undo takes back: from one settled change to the next."""
+        if self.values != self.kept:
+            self.past = [*self.past[-99:], self.kept]
+            self.kept = self.values
+
+    def _undo(self, message: dict) -> None:
+        if self.values == self.kept and self.past:
+            self.kept = self.past.pop()
+        self._show(self.kept)
 
     def _drag(self, message: dict) -> None:
         handle = self.handles[message["handle"]]
@@ -219,18 +294,13 @@ class Panel(anywidget.AnyWidget):
         for name, value in handle.values(*self._data(handle.axes, message)).items():
             key = f"p.{name}" if name in self.run.system.parameters else f"start.{name}"
             if control := known.get(key):
-                value = (
-                    float(f"{round(value / control.step) * control.step:.12g}")
-                    if control.kind == "slider"
-                    else float(value)
-                )  # a slider's round numbers
-                found[key] = min(max(value, control.low), control.high)
+                found[key] = control.nearest(float(value))
             elif name in self.run.system.parameters:
                 found[key] = float(value)
         self._show(self.values | found)
 
     def _limits(self, message: dict) -> None:
-        """New limits, linear in pixels (of a logarithmic axis, logarithms); none: those before the first zoom."""
+        """New limits, linear in pixels (logarithms of a logarithmic axis); none: the first ones."""
         axes = self.figure.axes[message["axes"]]
         self.home.setdefault(axes, (axes.get_xlim(), axes.get_ylim()))
         if message["limits"] is None:
@@ -252,7 +322,7 @@ class Panel(anywidget.AnyWidget):
         self.view.update(self.run)
 
     def _start(self, message: dict) -> None:
-        """A trajectory from a place in a plane; it stays while sliders move, until all are cleared."""
+        """A trajectory from a place in a plane; it stays while sliders move, until cleared."""
         axes = self.figure.axes[message["axes"]]
         show = next((show for show in self.shows if show.axes is axes and show.plane), None)
         if show is None:
@@ -297,15 +367,23 @@ class Panel(anywidget.AnyWidget):
         self.overlay.point(self.run, self.t)
 
     def _hold(self, message: dict) -> None:
-        self.overlay.hold(self.run if message["on"] else None)
+        self.held = bool(message["on"])
+        self.overlay.hold(self.run if self.held else None)
 
     def _large(self, message: dict) -> None:
         """For a classroom: large type and thick lines, and limits that stay."""
         self.figure.steady = bool(message["on"])
 
     def _resize(self, scale: float) -> None:
-        """Type and lines relative to the picture: 1.4 times as large in a classroom, larger too where the page shows the picture at a smaller `scale`."""
-        zoom = (1.4 if self.figure.steady else 1.0) * min(max(0.85 / max(scale, 0.01), 1.0), 1.6)
+        """Type and lines relative to the picture, which the page shows at `scale`.
+
+        Larger where the picture is small; in a classroom the smallest word is 20 pixels high.
+        """
+        zoom = min(max(0.85 / max(scale, 0.01), 1.0), 1.6)
+        if self.figure.steady:
+            words = [text for text in self.figure.findobj(Text) if text.get_text()]
+            least = min((text.get_fontsize() for text in words if text.get_visible()), default=9.5)
+            zoom = min(max(20 / (least * CSS_DPI / 72 * max(scale, 0.01)), zoom), 2.4)
         if abs(zoom - self.scene.zoom) > 0.01:
             self.scene.zoom = zoom
             self.figure.set_size_inches(*((1 + 1e-9) * side / zoom for side in self.inches))
@@ -318,13 +396,13 @@ class Panel(anywidget.AnyWidget):
             )
         )
 
-    # -- the picture ----------------------------------------------------------------------------------------------------
+    # -- the picture -------------------------------------------------------------------------------
 
     def _show(self, values: dict) -> None:
         run = self.compute(values)
-        words = str(self.verdict(run))
+        stopped, words = self._judge(run)
         self.view.update(run)
-        self.run, self.values, self.words = run, values, words
+        self.run, self.values, self.stopped, self.words = run, values, stopped, words
         if self.begun:
             self.overlay.add(self._begin(values, self.begun, strict=False))
         self._point()
@@ -361,6 +439,7 @@ class Panel(anywidget.AnyWidget):
         return {
             "kind": "picture",
             "verdict": self.words,
+            "stopped": self.stopped,
             "values": self.values,
             "axes": axes,
             "grips": grips,
@@ -368,6 +447,10 @@ class Panel(anywidget.AnyWidget):
             "span": [float(t[0]), float(t[-1])],
             "reading": self._reading(),
             "begun": len(self.begun),
+            "undo": len(self.past),
+            "hold": self.held,
+            "large": self.figure.steady,
+            "code": self.code(),
             **message,
         }, buffers
 
@@ -378,22 +461,19 @@ class Panel(anywidget.AnyWidget):
         if isinstance(self.run, Several):
             return self._readings(self.run)
         system, values = self.run.system, self.run.at(self.t)
-        names = list(
-            dict.fromkeys(
-                name
-                for show in self.shows
-                for name in (*show.names, *([show.x] if show.plane else []))
-                if name in values
-            )
+        names = dict.fromkeys(
+            name
+            for show in self.shows
+            for name in (*show.names, *([show.x] if show.plane else []))
+            if np.isfinite(values.get(name, np.nan))
         )
-        words = ", ".join(
-            f"{name} = {values[name]:.4g} {system.unit(name)}".strip()
+        words = [
+            f"{''.join(symbol_and_index(name))} = {values[name]:.4g} {system.unit(name)}".strip()
             for name in names
-            if np.isfinite(values[name])
-        )
-        return f"t = {self.t:.4g} {system.time}: {words}".replace("-", "−") + (
-            f"; {values['mode']}" if len(system.modes) > 1 else ""
-        )
+        ]
+        text = f"t = {self.t:.4g} {system.time}" + ": " * bool(words) + ", ".join(words)
+        mode = f"; {values['mode']}" if len(system.modes) > 1 else ""
+        return text.replace("-", "−") + mode
 
     def _readings(self, runs: Several) -> str:
         """t = 3.2 s: x = 0.31 m (plain), 0.35 m (warned)"""
@@ -404,22 +484,33 @@ class Panel(anywidget.AnyWidget):
                 for label, values in there.items()
                 if np.isfinite(values.get(name, np.nan))
             ]
-            said += [f"{name} = {', '.join(found)}"] if found else []
+            said += [f"{''.join(symbol_and_index(name))} = {', '.join(found)}"] if found else []
         words = f"t = {self.t:.4g} {runs.system.time}" + ": " * bool(said) + "; ".join(said)
         return words.replace("-", "−")
 
-    def export(self, what: str) -> str:
-        """panel.export("csv") -> a sentence that says where the run on show went ("csv", "npz", "png"): beside the notebook.
+    def _export(self, message: dict) -> tuple[dict, list[bytes]]:
+        if not self.spec["download"]:
+            return {"kind": "said", "text": self.export(message["what"])}, []
+        with tempfile.TemporaryDirectory() as folder:
+            self.export(message["what"], folder)
+            path, *more = sorted(Path(folder).iterdir())
+            if more:  # several runs
+                path = Path(shutil.make_archive(f"{folder}/runs", "zip", folder))
+            mime = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+            said = {"kind": "said", "text": f"Downloaded {path.name}", "name": path.name}
+            return said | {"mime": mime}, [path.read_bytes()]
 
-        Never writes over an earlier file. Raises ModelError when the folder cannot be written.
+    def export(self, what: str, folder: str | os.PathLike = ".") -> str:
+        """panel.export("csv") -> a sentence that says where the run on show went.
+
+        "csv", "npz" or "png", into the folder, which is the notebook's. Never writes over an
+        earlier file. Raises ModelError when the folder cannot be written.
         """
         if what not in ("csv", "npz", "png"):
             raise ModelError(f"a panel exports 'csv', 'npz' or 'png', not {what!r}")
         stem = re.sub(r"\W+", "_", self.title).strip("_").lower() or "run"
-        names = (
-            Path.cwd() / f"{stem}{suffix}.{what}"
-            for suffix in ("", *(f"_{k}" for k in range(2, 1000)))
-        )
+        suffixes = ("", *(f"_{k}" for k in range(2, 1000)))
+        names = (Path(folder).absolute() / f"{stem}{suffix}.{what}" for suffix in suffixes)
         path = next((path for path in names if not path.exists()), None)
         if path is None:
             raise ModelError(f"there are 999 files like {stem}.{what} already: delete some")
@@ -639,18 +730,47 @@ def _presets(
 
 
 def _verdict(run: Run) -> str:
-    """finished at 40 s; 26 events (13 "switch up", 13 "switch down"); 312 steps, 0.4 ms, compiled"""
-    counts = Counter(event.transition for event in run.events)
-    kinds = ", ".join(f'{count} "{name}"' for name, count in counts.most_common(3)) + (
-        ", …" if len(counts) > 3 else ""
-    )
-    events = (
-        f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})"
-        if run.events
-        else "no events"
-    )
+    """finished at 40 s; 2 events (1 "up", 1 "down"); 312 steps, 0.4 ms, compiled"""
     work = run.work
-    return f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}; {events}; {work.steps} steps, {rounded(1000 * work.seconds, 2):.6g} ms, {work.backend}"
+    return f"{_counted(run)}, {rounded(1000 * work.seconds, 2):.6g} ms, {work.backend}"
+
+
+def _counted(run: Run) -> str:
+    """What of it is the same whenever and wherever it runs."""
+    counts = Counter(event.transition for event in run.events)
+    kinds = ", ".join(f'{count} "{name}"' for name, count in counts.most_common(3))
+    kinds += ", …" if len(counts) > 3 else ""
+    many = f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})"
+    end = f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}"
+    return f"{end}; {many if run.events else 'no events'}; {run.work.steps} steps"
+
+
+def _name_of(system: System, otherwise: str) -> str:
+    """What the notebook calls it."""
+    names = vars(sys.modules["__main__"]).items()
+    return next((key for key, value in names if value is system and key[0] != "_"), otherwise)
+
+
+def _written(value: float) -> str:
+    """_written(2) -> '2.0': a number as Python reads it."""
+    return repr(float(f"{value:.12g}"))
+
+
+def _captioned(png: bytes, width: float, lines: list[str]) -> tuple[bytes, int]:
+    """A picture `width` inches wide with words below; and by how many CSS pixels it has grown."""
+    rows = [row for line in lines for row in textwrap.wrap(line, int(12.5 * width))]
+    fig = figure(0, width=width, height=0.12 + 0.19 * len(rows))
+    with style():
+        fig.text(0.01, 0.5, "\n".join(rows), va="center", parse_math=False, linespacing=1.25)
+        fig.canvas.draw()
+    above, below = (
+        Image.open(io.BytesIO(png)).convert("RGB"),
+        Image.fromarray(np.asarray(fig.canvas.buffer_rgba())),
+    )
+    both = Image.new("RGB", (above.width, above.height + below.height), "white")
+    both.paste(above, (0, 0))
+    both.paste(below.convert("RGB"), (0, above.height))
+    return _palette_png(both), round(below.height * CSS_DPI / PNG_DPI)
 
 
 def _verdicts(runs: Several) -> str:

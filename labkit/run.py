@@ -100,12 +100,17 @@ class Run:
     pieces: np.ndarray | None
     touches: list[Touch] = field(default_factory=list)
     ended: Ended = Ended.FINISHED
-    notes: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)  # notes that the run itself has made
     options: Mapping[str, object] = field(default_factory=dict)
     make: Callable[..., Run] | None = None  # what made it: simulate
     # While sliding, of each sample the other mode (else −1) and its share of the flow, 0 … 1
     other: np.ndarray | None = None
     part: np.ndarray | None = None
+    look: Callable[[], list[str]] | None = None  # finds notes that take time, when they are read
+
+    @cached_property
+    def notes(self) -> list[str]:
+        return self.said + (self.look() if self.look else [])
 
     @cached_property
     def mode(self) -> np.ndarray:

@@ -33,7 +33,8 @@ START = """async ([code, spec, first]) => {
     const send = (message) => window.ask(message)
         .then(([content, buffers]) => hear(content, buffers.map(bytes)));
     const get = (name) => (name === 'spec' ? spec : bytes(first));
-    const model = { get, on: (_, listener) => (hear = listener), off: () => {}, send };
+    const on = (name, listener) => name === 'msg:custom' && (hear = listener);
+    const model = { get, on, off: () => {}, send };
     widget.render({ model, el: document.getElementById('panel') });
 }"""
 

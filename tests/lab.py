@@ -30,7 +30,16 @@ FLAGS = [
     "--disable-sync",
 ]
 KERNEL = {
-    "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+    "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
+    # As a saved notebook has it: Lab marks one without as changed when its kernel says what it is
+    "language_info": {
+        "codemirror_mode": {"name": "ipython", "version": 3},
+        "file_extension": ".py",
+        "mimetype": "text/x-python",
+        "name": "python",
+        "nbconvert_exporter": "python",
+        "pygments_lexer": "ipython3",
+    },
 }
 # Two small notebooks: a panel, and all that hands can do.
 CELLS = [

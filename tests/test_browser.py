@@ -1,4 +1,7 @@
-"""A real JupyterLab, started as `python -m labkit` starts it, in a headless browser: run, drag, keys, save, reopen."""
+"""A real JupyterLab, started as `python -m labkit` starts it, in a headless browser: run, drag.
+
+Keys, save, reopen.
+"""
 
 import io
 import json
@@ -50,9 +53,13 @@ def page(browser, lab):
 
 
 def walk(page):
-    """Shows every code cell for a moment: Lab puts what is in a cell into the page when it comes near."""
+    """Shows every code cell for a moment.
+
+    Lab puts what is in a cell into the page when it comes near.
+    """
     page.evaluate("""async () => {
-        for (const cell of document.querySelectorAll('.jp-NotebookPanel:not(.lm-mod-hidden) .jp-CodeCell')) {
+        const cells = '.jp-NotebookPanel:not(.lm-mod-hidden) .jp-CodeCell';
+        for (const cell of document.querySelectorAll(cells)) {
             cell.scrollIntoView();
             await new Promise((shown) => setTimeout(shown, 30));
         }
@@ -60,7 +67,10 @@ def walk(page):
 
 
 def failures(page):
-    """The errors and warnings under the cells. By textContent: Lab skips the painting of what is far away, and innerText is empty there."""
+    """The errors and warnings under the cells. By textContent.
+
+    Lab skips the painting of what is far away, and innerText is empty there.
+    """
     kinds = ("application/vnd.jupyter.error", "application/vnd.jupyter.stderr")
     return [
         text
@@ -70,14 +80,19 @@ def failures(page):
 
 
 def panels(page, least=1):
-    """All panels, `least` or more, each once it has painted its first picture; Lab makes widgets when their cells come near."""
+    """All panels, `least` or more, each once it has painted its first picture.
+
+    Lab makes widgets when their cells come near.
+    """
     assert until(
         lambda: (
             walk(page)
             or page.evaluate(
                 """least => {
-        const views = [...document.querySelectorAll('.jp-Notebook .jp-OutputArea-output:not([data-mime-type])')]; // of widgets
-        return !least || (views.length >= least && views.every((view) => view.querySelector('.labkit-panel canvas')));
+        const widgets = '.jp-Notebook .jp-OutputArea-output:not([data-mime-type])';
+        const views = [...document.querySelectorAll(widgets)];
+        const painted = (view) => view.querySelector('.labkit-panel canvas');
+        return !least || (views.length >= least && views.every(painted));
     }""",
                 least,
             )
@@ -102,23 +117,30 @@ def pictures(page, panel, number):
 
 def remember(panel):
     panel.locator("canvas").evaluate(
-        "canvas => { canvas.before = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height); }"
+        "canvas => { canvas.before = canvas.getContext('2d')"
+        ".getImageData(0, 0, canvas.width, canvas.height); }"
     )
 
 
 def changed(panel):
     """Part of the picture's pixels that differ clearly from those that were remembered."""
     return panel.locator("canvas").evaluate("""canvas => {
-        const [a, b] = [canvas.before.data, canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data];
+        const now = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        const [a, b] = [canvas.before.data, now.data];
         if (a.length !== b.length) return 1;
         let count = 0;
-        for (let i = 0; i < a.length; i += 4) count += Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2])) > 60;
+        const off = (i) => Math.abs(a[i] - b[i]);
+        const far = (i) => Math.max(off(i), off(i + 1), off(i + 2)) > 60;
+        for (let i = 0; i < a.length; i += 4) count += far(i);
         return count / (a.length / 4);
     }""")
 
 
 def drag(page, panel, part, slider=0):
-    """Drags a slider with the mouse to a part of its way, in small steps; returns the last picture's number."""
+    """Drags a slider with the mouse to a part of its way, in small steps.
+
+    Returns the last picture's number.
+    """
     thumb = panel.locator(".labkit-range:visible").nth(
         slider
     )  # a method with a fixed step hides the tolerance, an adaptive one the step
@@ -150,11 +172,15 @@ def until(check, seconds=60):
 
 
 def settled(page, panel):
-    """Waits until no new picture comes for 0.7 s and the panel waits for none: it says so when an answer takes longer than 0.4 s."""
+    """Waits until no new picture comes for 0.7 s and the panel waits for none.
+
+    It says so when an answer takes longer than 0.4 s.
+    """
     last, since, deadline = None, time.monotonic(), time.monotonic() + 90
     while time.monotonic() - since < 0.7 and time.monotonic() < deadline:
         now = panel.evaluate(
-            "panel => [panel.querySelector('canvas').dataset.seq, 'late' in panel.querySelector('.labkit-verdict').dataset]"
+            "panel => [panel.querySelector('canvas').dataset.seq, "
+            "'late' in panel.querySelector('.labkit-verdict').dataset]"
         )
         if now != last or now[1]:
             last, since = now, time.monotonic()
@@ -190,7 +216,7 @@ def test_it_opens_runs_and_slides(page, lab, name):
         remember(panel)
         first = pictures(page, panel, 1)
         # A hand, too, takes a slider again when the page moved under it
-        assert until(lambda: drag(page, panel, 0.9) > first, 10)
+        assert until(lambda panel=panel, first=first: drag(page, panel, 0.9) > first, 10)
         if not changed(panel) > 0.001:  # the default may be at that place
             drag(page, panel, 0.1)
         assert changed(panel) > 0.001
@@ -204,7 +230,10 @@ def test_it_opens_runs_and_slides(page, lab, name):
 
 
 def test_the_panel(page, lab):
-    """One after the other, since starting costs most: drag, keys, typing, an error, reset, export, save, reopen."""
+    """One after the other, since starting costs most: drag, keys, typing, an error, reset, export.
+
+    Save, reopen.
+    """
     open_notebook(page, lab, SMALL)
     run_all(page)
     (panel,) = panels(page)
@@ -251,7 +280,8 @@ def test_the_panel(page, lab):
     settled(page, panel)
     assert value.nth(1).input_value() == "0"
 
-    # A typed value; one out of range and one that breaks the verdict are sentences, and the old picture stays.
+    # A typed value; one out of range and one that breaks the verdict are sentences, and the old
+    # picture stays.
     value.nth(1).fill("0,25")
     page.keyboard.press("Enter")
     verdict.filter(has_text="damping 0.250").wait_for()
@@ -259,9 +289,8 @@ def test_the_panel(page, lab):
     remember(panel)
     value.nth(1).fill("7")
     page.keyboard.press("Enter")
-    panel.locator(
-        ".labkit-error", has_text="parameter 'delta' = 7 is outside its range [0, 1] 1/s"
-    ).wait_for()
+    panel.locator(".labkit-error", has_text="“7” is outside; type one from 0 to 1 1/s").wait_for()
+    assert value.nth(1).input_value() == "7"
     value.nth(1).fill("1")
     page.keyboard.press("Enter")
     panel.locator(".labkit-error summary").click()
@@ -276,11 +305,14 @@ def test_the_panel(page, lab):
     panel.locator(".labkit-control:visible", has_text="size of a step").wait_for()
     assert panel.locator(".labkit-control:visible", has_text="relative tolerance").count() == 0
 
+    tall = panel.bounding_box()["height"]
     panel.get_by_role("button", name="Save CSV").click()
-    panel.locator(".labkit-note", has_text="oscillator.csv").wait_for()
+    panel.locator(".labkit-said", has_text="oscillator.csv").wait_for()
+    assert panel.bounding_box()["height"] == tall
     assert (lab.folder / "oscillator.csv").read_text(encoding="utf-8").startswith("t [s],")
 
-    # Ctrl-S saves also while the panel has the focus; the file keeps the picture and nothing of the widget.
+    # Ctrl-S saves also while the panel has the focus; the file keeps the picture and nothing of the
+    # widget.
     panel.locator(".labkit-range").first.focus()
     page.keyboard.press("Control+s")
     assert until(lambda: lab.saved(SMALL)["cells"][1]["outputs"])
@@ -289,8 +321,14 @@ def test_the_panel(page, lab):
     assert set(output["data"]) == {"image/png", "text/plain"} and WIDGET not in json.dumps(saved)
     assert strip(lab.saved(SMALL)) == saved
 
-    # Without its kernel the saved notebook, which is trusted, shows the picture and no empty widget.
+    # Without a kernel the panel says so as soon as Lab knows, and nothing can be moved.
     lab.end_kernels()
+    lost = panel.locator(".labkit-error", has_text="no kernel any more: run the notebook again")
+    lost.wait_for(timeout=20_000)
+    assert panel.locator(".labkit-range:enabled, select:enabled, button:enabled").count() == 0
+
+    # Without its kernel the saved notebook, which is trusted, shows the picture and no empty
+    # widget.
     open_notebook(page, lab, SMALL)
     page.locator(".jp-OutputArea img").first.wait_for()
     assert (
@@ -312,7 +350,6 @@ def test_hands_and_keys(page, lab):
         "oscillator: "
     ) and "x [m] over t [s]" in canvas.get_attribute("aria-label")
     box = canvas.bounding_box()
-    height = panel.bounding_box()["height"]
 
     def at(across, down):
         return box["x"] + across * box["width"], box["y"] + down * box["height"]
@@ -335,7 +372,8 @@ def test_hands_and_keys(page, lab):
 
     time_plot, plane, start = at(0.25, 0.25), at(0.9, 0.3), at(0.55 + 0.44 * 0.75, 0.475)
 
-    # The cursor follows the mouse over a time plot and leaves with it; a click pins it; the keys move it.
+    # The cursor follows the mouse over a time plot and leaves with it; a click pins it; the keys
+    # move it.
     page.mouse.move(*time_plot)
     reading.filter(has_text="t = 4").wait_for()
     page.mouse.move(*plane)
@@ -348,25 +386,27 @@ def test_hands_and_keys(page, lab):
     press("ArrowRight", "ArrowRight")
     assert until(lambda: reading.inner_text() != before) and reading.inner_text().startswith("t = ")
 
-    # A click in the plane starts a trajectory; it stays while a slider moves; Delete takes it away, "n" starts one from the ring.
+    # A click in the plane starts a trajectory; it stays while a slider moves; Delete takes it away,
+    # "n" starts one from the ring.
     clear = panel.get_by_role("button", name="Clear")
-    assert clear.is_hidden()
+    assert clear.is_disabled()
     remember(panel)
     page.mouse.click(*plane)
-    clear.wait_for()
+    assert until(clear.is_enabled)
     settled(page, panel)
     assert changed(panel) > 0.001
     drag(page, panel, 0.7, slider=1)
-    assert clear.is_visible()
+    assert clear.is_enabled()
     canvas.focus()
     press("Delete")
-    assert clear.is_hidden()
+    assert clear.is_disabled()
     press("n")
-    assert clear.is_visible()
+    assert clear.is_enabled()
     clear.click()
     settled(page, panel)
 
-    # The ring is the start: the mouse drags it and the sliders follow; Enter chooses it for the arrow keys.
+    # The ring is the start: the mouse drags it and the sliders follow; Enter chooses it for the
+    # arrow keys.
     panel.get_by_role("button", name="Reset").click()
     settled(page, panel)
     canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
@@ -379,16 +419,14 @@ def test_hands_and_keys(page, lab):
     assert verdict_says_nothing_wrong(panel)
     x = value("x")
     press("Escape", "Enter")
-    assert (
-        panel.locator(".labkit-note[role=status]").inner_text()
-        == "arrow keys move: the time cursor"
-    )
+    assert panel.locator(".labkit-said").inner_text() == "arrow keys move: the time cursor"
     press("Enter")
-    assert panel.locator(".labkit-note[role=status]").inner_text() == "arrow keys move: start"
+    assert panel.locator(".labkit-said").inner_text() == "arrow keys move: start"
     press("ArrowLeft", "ArrowLeft")
     assert value("x") < x
 
-    # The wheel scrolls the page until the picture has the focus, then it zooms; a drag shifts; a double click goes back, and leaves no trajectory.
+    # The wheel scrolls the page until the picture has the focus, then it zooms; a drag shifts; a
+    # double click goes back, and leaves no trajectory.
     remember(panel)
     panel.locator("input").first.focus()
     page.mouse.move(*plane)
@@ -405,12 +443,12 @@ def test_hands_and_keys(page, lab):
     page.mouse.down()
     page.mouse.move(plane[0] + 50, plane[1] + 20, steps=5)
     page.mouse.up()
-    assert until(lambda: changed(panel) > 0.01) and clear.is_hidden()
+    assert until(lambda: changed(panel) > 0.01) and clear.is_disabled()
     page.wait_for_timeout(800)
     before = settled(page, panel)
     page.mouse.dblclick(*plane)
     pictures(page, panel, before + 1)
-    assert until(clear.is_hidden)
+    assert until(clear.is_disabled)
     page.wait_for_timeout(800)
     settled(page, panel)
     remember(panel)
@@ -445,10 +483,7 @@ def test_hands_and_keys(page, lab):
     assert changed(panel) > 0.001  # the ghost has gone
     remember(panel)
     push("Classroom")
-    assert changed(panel) > 0.01 and canvas.bounding_box()["height"] == pytest.approx(
-        box["height"], abs=1
-    )
-    assert panel.bounding_box()["height"] == pytest.approx(height, abs=1)
+    assert changed(panel) > 0.01
     assert verdict_says_nothing_wrong(panel) and page.problems == []
 
 
@@ -469,7 +504,10 @@ def verdict_says_nothing_wrong(panel):
 
 
 def test_fingers(page, lab, browser):
-    """A finger on the ring drags it, two zoom, a tap starts a trajectory or pins the cursor. More in test_bare.py."""
+    """A finger on the ring drags it, two zoom, a tap starts a trajectory or pins the cursor.
+
+    More in test_bare.py.
+    """
     context = browser.new_context(
         viewport={"width": 1100, "height": 900}, has_touch=True, device_scale_factor=2
     )
@@ -497,7 +535,7 @@ def test_fingers(page, lab, browser):
     Fingers(tablet).move(((0.7, 0.4), (0.62, 0.3)), ((0.8, 0.5), (0.9, 0.6)))
     assert until(lambda: changed(panel) > 0.01)
     tablet.touchscreen.tap(box["x"] + 0.65 * box["width"], box["y"] + 0.7 * box["height"])
-    panel.get_by_role("button", name="Clear").wait_for()
+    assert until(panel.get_by_role("button", name="Clear").is_enabled)
     tablet.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + 0.25 * box["height"])
     panel.locator(".labkit-reading", has_text="t = 4").wait_for()
     assert panel.locator(".labkit-error").count() == 0
@@ -519,7 +557,8 @@ def test_it_fits_the_page(page, lab, width):
         box = control.bounding_box()
         assert room["x"] <= box["x"] and box["x"] + box["width"] <= room["x"] + room["width"] + 1
     assert page.evaluate(
-        "document.querySelector('.labkit-panel').scrollWidth <= document.querySelector('.labkit-panel').clientWidth"
+        "document.querySelector('.labkit-panel').scrollWidth"
+        " <= document.querySelector('.labkit-panel').clientWidth"
     )
 
 
@@ -527,7 +566,7 @@ def test_it_fits_the_page(page, lab, width):
 
 
 def watched(browser, own):
-    """A page that keeps what went wrong and which addresses other than its own it asked for (they get no answer)."""
+    """A page that keeps what went wrong, and which other addresses it asked for (no answer)."""
     page = browser.new_page(viewport={"width": 1300, "height": 1000})
     page.set_default_timeout(90_000)
     page.problems, page.foreign = [], []
@@ -547,7 +586,10 @@ def watched(browser, own):
 
 @pytest.fixture
 def app(tmp_path):
-    """The address of Voilà, started as `python -m labkit show` starts it, with the small notebook for all hands."""
+    """The address of Voilà, started as `python -m labkit show` starts it.
+
+    With the small notebook for all hands.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -579,7 +621,10 @@ def app(tmp_path):
 
 
 def test_one_notebook_as_an_app(browser, app):
-    """python -m labkit show: the code is hidden, the panel lives, and nothing comes from elsewhere."""
+    """python -m labkit show: the code is hidden, the panel lives.
+
+    And nothing comes from elsewhere.
+    """
     page = watched(browser, app)
     page.goto(app)
     panel = page.locator(".labkit-panel")
@@ -594,7 +639,7 @@ def test_one_notebook_as_an_app(browser, app):
     canvas.evaluate("node => node.scrollIntoView({ block: 'start' })")
     box = canvas.bounding_box()
     page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.3 * box["height"])
-    clear.wait_for()
+    assert until(clear.is_enabled)
     panel.get_by_role("button", name="Play").click()
     assert until(lambda: instant(panel) > 0.5)
     panel.get_by_role("button", name="Pause").click()

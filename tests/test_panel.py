@@ -2,6 +2,7 @@
 
 import io
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from labkit import (
     simulate,
     time_plot,
 )
-from labkit.controls import _nice, _span, _symbol
+from labkit.controls import _nice, _span, symbol_and_index
 from labkit.panel import _verdict
 
 from .systems import ball, stick_slip
@@ -230,7 +231,7 @@ def test_steps_are_round_numbers(value):
     ],
 )
 def test_names_are_shown_as_letters(name, latex, shown):
-    assert _symbol(name, latex) == shown
+    assert symbol_and_index(name, latex) == shown
 
 
 # ---- pictures
@@ -239,16 +240,36 @@ def test_names_are_shown_as_letters(name, latex, shown):
 def test_the_static_picture_is_the_figure_and_always_the_same():
     first, second = (explore(oscillator(), 10.0, curves) for _ in range(2))
     data, metadata = first._repr_mimebundle_()
-    assert (
-        data["image/png"]
-        == second._repr_mimebundle_()[0]["image/png"]
-        == curves(first.run).figure.png()
-    )
-    assert (
-        data["text/plain"] == "panel of 'damped oscillator'"
-        and "application/vnd.jupyter.widget-view+json" in data
-    )
-    assert metadata["image/png"]["width"] == 864
+    assert data["image/png"] == second._repr_mimebundle_()[0]["image/png"]
+    assert data["text/plain"] == "panel of 'damped oscillator'"
+    assert "application/vnd.jupyter.widget-view+json" in data
+    told = metadata["image/png"]
+    whole, figure_alone = (Image.open(io.BytesIO(png)) for png in (data["image/png"], first.png))
+    assert (told["width"], told["alt"]) == (864, first.spec["alt"])
+    assert whole.width == figure_alone.width and whole.height > figure_alone.height + 40
+    assert told["height"] == pytest.approx(0.8 * whole.height, abs=1)
+    above, below = (np.asarray(one.convert("RGB")).astype(int) for one in (whole, figure_alone))
+    assert np.abs(above[: len(below)] - below).mean() < 1
+    assert (above[len(below) :] < 100).any()  # words
+
+
+def test_the_words_beside_the_saved_picture(monkeypatch):
+    said = []
+
+    def captioned(png, width, lines):
+        said.append(lines)
+        return png, 0
+
+    monkeypatch.setattr("labkit.panel._captioned", captioned)
+    panel = explore(oscillator(), 10.0, curves)
+    panel.values = panel.values | {"p.delta": 0.5}  # what stands there is the default run
+    panel._repr_mimebundle_()
+    ((values, words, last),) = said
+    values = values.replace("\u00a0", " ")
+    assert "ω0 = 2 rad/s, δ = 0.15 1/s" in values and "rtol = 1e−08" in values
+    assert "t_end = 10 s" in values and "h = " not in values
+    assert words.startswith("finished at 10 s; no events; ") and "ms" not in words
+    assert last == "Run this cell for sliders."
 
 
 def test_only_what_has_changed_is_sent(browser):
@@ -764,3 +785,128 @@ def test_an_export_that_cannot_be_written_is_a_sentence(browser, tmp_path, monke
         )
     assert not list(tmp_path.iterdir())
     assert browser.tell(kind="export", what="xls")[0]["kind"] == "error"
+
+
+# ---- runs that stop, undo, home, code, downloads, interrupts
+
+
+def test_a_run_that_did_not_finish_gets_no_verdict_of_the_author():
+    def verdict(run):
+        assert run.ended in ("finished", "terminal event")
+        return f"{len(run.events)} bounces in all"
+
+    hands = Browser(explore(ball(zeno=None), 2.0, verdict=verdict))
+    answer, _ = hands.tell(kind="ready")
+    assert answer["verdict"].endswith(" bounces in all") and answer["stopped"] == ""
+    answer, _ = hands.tell(kind="set", values={"t_end": 40.0})
+    run = hands.panel.run
+    assert run.ended == "Zeno" and run.stopped in answer["stopped"] and answer["verdict"] == ""
+    answer, _ = hands.tell(kind="set", values={"t_end": 2.0})
+    assert answer["stopped"] == ""
+
+
+def test_undo_goes_back_by_settled_steps(browser):
+    for delta in (0.2, 0.3, 0.4):
+        browser.picture(settled=False, **{"p.delta": delta})
+    browser.picture(**{"p.delta": 0.4})
+    answer, _ = browser.tell(kind="set", values={"p.omega0": 3.0})
+    assert answer["undo"] == 2
+    seen = []
+    for _ in range(3):
+        answer, _ = browser.tell(kind="undo")
+        seen.append((answer["values"]["p.omega0"], answer["values"]["p.delta"], answer["undo"]))
+    assert seen == [(2.0, 0.4, 1), (2.0, 0.15, 0), (2.0, 0.15, 0)]
+
+
+def test_reset_brings_home_values_axes_and_cursor(hands):
+    limits = [(axes.get_xlim(), axes.get_ylim()) for axes in hands.panel.figure.axes]
+    hands.picture(**{"start.x": 2.0, "t_end": 20.0})  # grown
+    hands.tell(kind="limits", axes=1, limits=[5.0, 5.0, 6.0, 6.0])
+    hands.tell(kind="cursor", t=3.0)
+    answer, _ = hands.tell(kind="set", values={}, reset=True, home=True)
+    assert answer["values"] == hands.panel.defaults and answer["t"] is None
+    assert [(axes.get_xlim(), axes.get_ylim()) for axes in hands.panel.figure.axes] == limits
+    assert all(axes["home"] for axes in answer["axes"])
+    hands.picture(**{"start.x": 2.0})
+    assert hands.panel.figure.axes[0].get_ylim() != limits[0][1]  # they follow the data again
+
+
+def test_the_settings_as_a_line_of_code(browser):
+    assert browser.tell(kind="ready")[0]["code"] == "explore(system, 10.0)"
+    values = {"p.delta": 0.3, "start.x": -1.5, "t_end": 12.0, "method": "RK4", "step": 0.02}
+    answer, _ = browser.tell(kind="set", values=values)
+    line = 'explore(system, 12.0, delta=0.3, start={"x": -1.5}, method="RK4", step=0.02)'
+    assert answer["code"] == line
+    again = eval(line, {"explore": explore, "system": oscillator()})
+    assert again.run.p == browser.panel.run.p and again.run.final == browser.panel.run.final
+    answer, _ = browser.tell(kind="set", values={"rtol": 1e-6}, reset=True)
+    assert answer["code"] == "explore(system, 10.0, rtol=1e-06)"
+
+
+@pytest.mark.parametrize("step", [0, -0.1])
+def test_a_step_that_leads_nowhere_is_refused(step):
+    with pytest.raises(
+        ModelError, match="slider of 'delta' has the step .*: a step must be above 0"
+    ):
+        explore(oscillator(), 10.0, curves, sliders={"delta": (0, 1, step)})
+
+
+def test_the_grid_of_a_slider():
+    def control(*ends, **options):
+        sliders = {"delta": ends}
+        made = explore(oscillator(), 10.0, curves, sliders=sliders, **options).controls
+        return next(one for one in made if one.key == "p.delta")
+
+    odd = control(0.1, 0.9, 0.2)
+    assert [odd.nearest(at) for at in (0, 0.19, 0.21, 0.75, 9)] == [0.1, 0.1, 0.3, 0.7, 0.9]
+    assert control(0.0333, 1).nearest(0.5001) == 0.5  # round numbers where no step is given
+
+
+def test_under_voila_files_go_to_the_browser(monkeypatch, tmp_path):
+    monkeypatch.setenv("SERVER_SOFTWARE", "voila/0.5")
+    monkeypatch.chdir(tmp_path)
+    hands = Browser(explore(oscillator(), 10.0, curves))
+    for what, begin in (("csv", b"t [s],"), ("npz", b"PK"), ("png", b"\x89PNG")):
+        answer, (data,) = hands.tell(kind="export", what=what)
+        assert answer["name"] == f"damped_oscillator.{what}" and data.startswith(begin)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupt_ends_a_computation_in_another_thread_and_the_panel_lives_on():
+    from labkit.interrupt import _hand_on
+
+    begun = threading.Event()
+
+    def verdict(run):
+        if run.p.delta == 1.0:
+            begun.set()
+            while True:
+                pass
+        return "done"
+
+    hands = Browser(explore(oscillator(), 10.0, curves, verdict=verdict))
+    work = threading.Thread(target=hands.tell, kwargs={"kind": "set", "values": {"p.delta": 1.0}})
+    work.start()
+    assert begun.wait(30)
+    _hand_on(2, None)
+    work.join(30)
+    assert not work.is_alive()
+    answer, _ = hands.answers[-1]
+    assert answer["kind"] == "error" and "Interrupted" in answer["text"]
+    assert hands.tell(kind="set", values={"p.delta": 0.5})[0]["verdict"] == "done"
+
+
+def test_a_reading_says_what_the_axis_says():
+    hands = Browser(explore(pendulum(), 2.0))
+    hands.tell(kind="ready")
+    assert hands.tell(kind="cursor", t=0.5)[0]["reading"].startswith("t = 0.5 s: θ = ")
+
+
+def pendulum():
+    def flow(t, s, p):
+        return s.omega, -p.g * s.theta
+
+    states = {"theta": "rad", "omega": "rad/s"}
+    return System(
+        "pendulum", states, {"g": 9.81}, [Mode("swing", flow)], start={"theta": 1, "omega": 0}
+    )

@@ -507,14 +507,25 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
 @pytest.mark.skipif(8 not in NUMBERS, reason="not written")
 def test_08_what_methods_make_of_a_circle():
     book = load(assignment(1, 8).path)
-    system = book["system"]
-    for phi in np.linspace(-3.2, 3.2, 9):
-        assert affine(system, system.values({"phi": phi}))[0] == pytest.approx(
+    system, rate = book["system"], book["rate"]
+    for latitude in (10.0, 43.0, 80.0):
+        p = system.values({"latitude": latitude})
+        f = 2 * 7.2921e-5 * 3600 * np.sin(np.radians(latitude))  # the earth's turning rate, in 1/s
+        assert rate(p) == pytest.approx(f, rel=1e-4)
+        A, b = affine(system, p)
+        assert pytest.approx(np.array([[0, rate(p)], [-rate(p), 0]]), abs=1e-15) == A
+        x, y = equilibrium(A, b)
+        assert x * p.h1 + y * p.h2 == pytest.approx(0, abs=1e-12)  # along the contour lines
+        assert x * p.h2 - y * p.h1 < 0  # the high sea at its right hand
+    other = book["system_two"]
+    for phi in np.linspace(-3.1, 3.1, 9):
+        assert affine(other, other.values({"phi": phi}))[0] == pytest.approx(
             np.array([[0, 0.36], [-0.36, 0]]), abs=1e-15
         )
-    assert [
-        str(book["simplify"](rate)) for rate in book["equations"](system).flows["motion"].values()
-    ] == ["b1 + beta*s2", "b2 - beta*s1"]
+    assert [str(book["simplify"](right)) for right in book["traced"].values()] == [
+        "beta*y2",
+        "-beta*y1",
+    ]
     for n in (12, 50, 300):
         x = 2 * np.pi / n
         squares = {"Euler": 1 + x**2, "Heun": 1 + x**4 / 4, "RK4": 1 - x**6 / 72 + x**8 / 576}
@@ -523,14 +534,21 @@ def test_08_what_methods_make_of_a_circle():
                 square ** (n / 2), rel=1e-11
             )
             assert book["factor"](method, x) ** 2 == pytest.approx(square, rel=1e-13)
-    assert (1.036 - 0.036 + 0.036**2) ** (np.pi / 0.036) == pytest.approx(
-        1.1196, abs=2e-4
-    )  # prediction 1
-    assert (1 - 0.36**6 / 72 + 0.36**8 / 576) ** (np.pi / 0.36) == pytest.approx(
-        1 - 0.00026, abs=5e-6
-    )  # prediction 2
-    assert (1 + 0.2335**4 / 4) ** (np.pi / 0.2335) == pytest.approx(1.01, abs=1e-4)  # task 3
+    x = rate(system.values()) / 10  # Euler with six minutes, 720 steps
+    assert book["euler"][-1] / book["euler"][0] == pytest.approx((1 + x * x) ** 360, rel=1e-9)
+    assert book["ratio"] < 1 - 1e-4
+    rest = equilibrium(*affine(system))
     run = simulate(system, 40 * book["turn"], rtol=1e-10, atol=1e-12)
-    far = np.hypot(run["s1"] - 0.2, run["s2"] - 0.1)
-    assert far == pytest.approx(np.full(len(far), 0.5), abs=1e-8)
+    far = np.hypot(run["s1"] - rest[0], run["s2"] - rest[1])
+    assert far == pytest.approx(np.full(len(far), far[0]), abs=1e-8)
+    run, t = simulate(system, 72.0, rtol=1e-10, points=20_001), np.linspace(0, 72, 20_001)
+    y0 = (np.array([0.2, 0.6]) - rest) @ (1, 1j)
+    f = rate(system.values())
+    way = 3.6 * (rest @ (1, 1j) * t + y0 * (np.exp(-1j * f * t) - 1) / (-1j * f))
+    assert book["path"](run) @ (1, 1j) == pytest.approx(way, abs=1e-4)
     assert book["lengths"][0] / book["lengths"][1] == pytest.approx(4)
+    found = book["solutions"]
+    assert found["sense"] == "counter-clockwise"
+    assert found["day"] == pytest.approx(29.91, abs=0.01)
+    assert found["steps"] == pytest.approx(2 * np.pi / 0.2335, rel=1e-2)
+    assert found["friction"] == pytest.approx(np.exp(-0.17547), rel=1e-4)

@@ -55,6 +55,7 @@ ONCE = [
     (contacts, 124, "DOP853"),  # a guard within its own rounding taken for one that runs wild
     (contacts, 164, "RK45"),  # one root of a polynomial, three of the guard
     (floors, 119, "BDF"),  # a tolerance finer than the clock
+    (floors, 350, "BDF"),  # come to the floor, by the method's error, with a speed upwards
     (restarts, 116, "RK45"),  # 1e-34 beyond a surface, and no slope
     (linear, 7, "RK4"),  # urgent=False fires by a crossing along the flow only
 ]

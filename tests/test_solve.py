@@ -1,4 +1,7 @@
-"""The engine against closed forms, SciPy and itself: both back ends, every method, events, schedules, dead times, bad input."""
+"""The engine against closed forms, SciPy and itself: both back ends, every method, events.
+
+Schedules, dead times, bad input.
+"""
 
 import math
 import os
@@ -149,11 +152,17 @@ def test_dry_friction_first_slip(method):
 
 
 def test_dry_friction_cycle_against_scipy():
-    """The slip phase, integrated by SciPy between the exact release and the stop found on its own."""
+    """The slip phase.
+
+    Integrated by SciPy between the exact release and the stop found on its own.
+    """
     run = simulate(systems.stick_slip(), 30.0, rtol=1e-10, atol=1e-12)
     system = systems.stick_slip()
     p = system.values()
-    stop = lambda t, y: y[1]
+
+    def stop(t, y):
+        return y[1]
+
     stop.terminal, stop.direction = True, -1
     release = 1.47
     whole = solve_ivp(
@@ -175,25 +184,30 @@ def test_dry_friction_cycle_against_scipy():
 
 
 def relay_exact(t_end, mu=1.2, K=0.8, a=0.4):
-    """Piece by piece: x'' = (sin t ∓ K)/μ integrated by hand, switches bracketed on a fine grid and found by Brent's method."""
+    """Piece by piece: x'' = (sin t ∓ K)/μ integrated by hand.
+
+    Switches bracketed on a fine grid and found by Brent's method.
+    """
     t, x, v, mode = 0.0, 0.0, 0.0, "right, pulled"
     sign = {"right, pulled": -1, "right, held": 1, "left, held": 1, "left, pulled": -1}
     switches = []
     while True:
         s = sign[mode]
-        V = lambda q, t=t, v=v, s=s: v + (np.cos(t) - np.cos(q) - s * K * (q - t)) / mu
-        X = lambda q, t=t, x=x, v=v, s=s: (
-            x
-            + v * (q - t)
-            + (np.cos(t) * (q - t) - np.sin(q) + np.sin(t) - s * K * (q - t) ** 2 / 2) / mu
-        )
+
+        def V(q, t=t, v=v, s=s):
+            return v + (np.cos(t) - np.cos(q) - s * K * (q - t)) / mu
+
+        def X(q, t=t, x=x, v=v, s=s):
+            shake = np.cos(t) * (q - t) - np.sin(q) + np.sin(t)
+            return x + v * (q - t) + (shake - s * K * (q - t) ** 2 / 2) / mu
+
         guards = {
             "right, pulled": [
-                (lambda q: X(q) - a, "right, held"),
-                (lambda q: -V(q), "left, pulled"),
+                (lambda q, X=X: X(q) - a, "right, held"),
+                (lambda q, V=V: -V(q), "left, pulled"),
             ],
-            "right, held": [(lambda q: -V(q), "left, held")],
-            "left, held": [(lambda q: -X(q) - a, "left, pulled"), (V, "right, held")],
+            "right, held": [(lambda q, V=V: -V(q), "left, held")],
+            "left, held": [(lambda q, X=X: -X(q) - a, "left, pulled"), (V, "right, held")],
             "left, pulled": [(V, "right, pulled")],
         }[mode]
         grid = t + 1e-7 + np.linspace(0, 15, 30001)
@@ -316,7 +330,7 @@ def test_pairs_of_crossings_within_one_step(depth, method, backend):
                 start={"x": math.sin(phase), "n": 0.0},
             )
             if phase == 0
-            else system
+            else system  # noqa: F821 (of the round before)
         )
         run = simulate(
             system,
@@ -349,7 +363,10 @@ def test_directions():
 
 @pytest.mark.parametrize("backend", BOTH)
 def test_no_second_event_after_a_reset(backend):
-    """With the state put exactly on the surface, kept as it is, and moved through: one event a crossing."""
+    """With the state put exactly on the surface, kept as it is, and moved through.
+
+    One event a crossing.
+    """
     for reset in (None, lambda t, s, p: (0.0, s.v), lambda t, s, p: (s.x, 0.5 * s.v)):
         system = systems.oscillator(
             transitions=[
@@ -448,7 +465,10 @@ def test_touching_a_limit_is_no_event_within_the_tolerance():
 
 @pytest.mark.parametrize("backend", BOTH)
 def test_touched_limits_are_reported(backend):
-    """x = a sin t comes up to 1 every 2π: passed and missed by less than the tolerance of 1e-6, which are touches, and by more."""
+    """x = a sin t comes up to 1 every 2π: passed and missed by less than the tolerance of 1e-6.
+
+    Which are touches, and by more.
+    """
     system = systems.oscillator(
         transitions=[
             Transition(
@@ -654,7 +674,10 @@ def test_many_runs_are_the_single_runs(backend):
 
 @pytest.mark.parametrize("backend", BOTH)
 def test_lanes_that_end_for_different_reasons_keep_apart(backend):
-    """Finished, terminal, diverged, with many events and few: each lane is what it would be alone, whatever ran before it in the same workspace."""
+    """Finished, terminal, diverged, with many events and few: each lane is what it would be alone.
+
+    Whatever ran before it in the same workspace.
+    """
     fall = Mode("fall", lambda t, s, p: (s.v, p.x * s.y * s.y - p.g))
     system = System(
         "many fates",
@@ -734,7 +757,7 @@ def test_a_workspace_used_again_leaves_no_trace():
     [("RK45", 1e-5, 1e-4), ("RK45", 1e-7, 2e-6), ("DOP853", 1e-5, 1e-4), ("DOP853", 1e-7, 1e-6)],
 )
 def test_events_are_as_accurate_as_the_tolerance(method, rtol, bound, backend):
-    """Located on a step's interpolant alone the instants would be ten to fifty times worse than this."""
+    """Located on a step's interpolant alone the instants would be 10 to 50 times worse."""
     switches, x, v = relay_exact(40.0)
     run = simulate(systems.relay(), 40.0, method=method, rtol=rtol, atol=rtol, backend=backend)
     assert len(run.events) == len(switches)
@@ -747,7 +770,10 @@ def test_events_are_as_accurate_as_the_tolerance(method, rtol, bound, backend):
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-10])
 def test_dop853_is_good_between_its_steps_too(rtol):
-    """A mildly stiff node: the ends of its long steps are right, and without a look at the polynomial what lies between is wrong by 1e-4 at rtol 1e-8."""
+    """A mildly stiff node: the ends of its long steps are right.
+
+    And without a look at the polynomial what lies between is wrong by 1e-4 at rtol 1e-8.
+    """
     node = System(
         "node",
         states={"x": "", "y": ""},
@@ -762,7 +788,10 @@ def test_dop853_is_good_between_its_steps_too(rtol):
 
 
 def test_fixed_steps_keep_the_clock():
-    """A thousand steps of a thousandth are a thousand steps, and the flow is advanced by what the clock shows."""
+    """A thousand steps of a thousandth are a thousand steps.
+
+    And the flow is advanced by what the clock shows.
+    """
     run = simulate(systems.oscillator(), 7.3, method="RK4")
     assert run.work.steps == 1000
     clock = System(
@@ -825,7 +854,10 @@ def test_runs_end_with_a_named_reason_and_keep_what_there_is():
 
 
 def drifting(A):
-    """x' = −sign x + A sin t: for A ≤ 1 the state stays on x = 0 for ever, else it leaves where A sin t = ±1."""
+    """x' = −sign x + A sin t: for A ≤ 1 the state stays on x = 0 for ever.
+
+    Else it leaves where A sin t = ±1.
+    """
     return System(
         "drift",
         {"x": ""},
@@ -879,7 +911,10 @@ def test_sliding_ends_where_one_flow_no_longer_pushes(backend):
     ],
 )
 def test_sliding_in_the_plane(method, backend):
-    """A double integrator under u = −sign(v + c x): on the line x decays as e^{−ct}, whatever the size of the relay."""
+    """A double integrator under u = −sign(v + c x): on the line x decays as e^{−ct}.
+
+    Whatever the size of the relay.
+    """
     system = System(
         "variable structure",
         {"x": "", "v": ""},
@@ -938,7 +973,8 @@ def one_mode(flow, **more):
     )
 
 
-good = lambda t, s, p: (s.v, -p.k * s.x)
+def good(t, s, p):
+    return s.v, -p.k * s.x
 
 
 @pytest.mark.parametrize(
@@ -1090,7 +1126,10 @@ def test_a_changed_constant_or_helper_never_meets_a_stale_compilation():
 
 
 def test_odd_functions_compile_too():
-    """No source (exec), early returns, loops, local names, whole tuples handed to a helper, closures, NumPy."""
+    """No source (exec), early returns, loops, local names, whole tuples handed to a helper.
+
+    Closures, NumPy.
+    """
     space = {}
     exec("def flow(t, s, p):\n    return s.v, -p.k * s.x", space)  # no source to be had
 
@@ -1099,7 +1138,7 @@ def test_odd_functions_compile_too():
             force = -p.k * s.x
             return s.v, force
         total = 0.0
-        for i in range(4):
+        for _ in range(4):
             total += 0.25
         return (s.v, -p.k * s.x * total)
 
@@ -1162,7 +1201,10 @@ def test_what_cannot_be_compiled_runs_in_plain_python():
 
 
 def test_auto_does_not_wait_for_the_compiler():
-    """The first run of a model nobody has compiled is plain; a little later it is compiled, with the same numbers."""
+    """The first run of a model nobody has compiled is plain; a little later it is compiled.
+
+    With the same numbers.
+    """
     space = {"tag": time.time()}
     exec("def flow(t, s, p):\n    return s.v, -p.k * s.x + 0.0 * tag", space)
     system = System(
@@ -1183,12 +1225,16 @@ def test_auto_does_not_wait_for_the_compiler():
 
 
 def test_without_numba_the_plain_back_end_serves(tmp_path):
-    """Numba hidden, as in a browser: everything still runs, and asking for the compiled back end is a clear error."""
+    """Numba hidden, as in a browser: everything still runs.
+
+    And asking for the compiled back end is a clear error.
+    """
     for name in ("numba", "llvmlite"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("raise ImportError('hidden')")
     program = (
-        "from tests.systems import ball\nfrom labkit import simulate, ModelError\nrun = simulate(ball(), 15.0)\n"
+        "from tests.systems import ball\nfrom labkit import simulate, ModelError\n"
+        "run = simulate(ball(), 15.0)\n"
         "assert run.work.backend == 'plain' and run.events[-1].target == 'rest'\n"
         "try: simulate(ball(), 1.0, backend='compiled')\nexcept ModelError as e: print(e)"
     )
@@ -1205,7 +1251,10 @@ def test_without_numba_the_plain_back_end_serves(tmp_path):
 
 
 def test_import_is_light():
-    program = "import sys, labkit; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'scipy', 'numba', 'matplotlib', 'sympy', 'ipywidgets'}))"
+    program = (
+        "import sys, labkit; print(sorted({m.split('.')[0] for m in sys.modules} & "
+        "{'numpy', 'scipy', 'numba', 'matplotlib', 'sympy', 'ipywidgets'}))"
+    )
     assert (
         subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True
@@ -1215,7 +1264,10 @@ def test_import_is_light():
 
 
 def with_the_core_only(folder, program):
-    """What a program prints whose cache has the compiled core (it takes long, so it is lent) and what earlier programs left there."""
+    """What a program prints whose cache has the compiled core (it takes long.
+
+    So it is lent) and what earlier programs left there.
+    """
     core = backends._kept(backends.CORE_KEY)
     folder.chmod(0o700)
     (folder / core).write_bytes(cache.read(core))
@@ -1229,19 +1281,28 @@ def with_the_core_only(folder, program):
 
 
 def test_nothing_is_imported_or_parsed_beside_a_running_cell(tmp_path):
-    """Numba's imports and a cell's (scipy.integrate), its parsing of signatures and IPython's of cells: only one at a time."""
+    """Numba's imports and a cell's (scipy.integrate).
+
+    Its parsing of signatures and IPython's of cells: only one at a time.
+    """
     program = """if True:
         import ast, sys, threading
         from labkit import simulate
         from tests.systems import stick_slip
         beside, parse = [], ast.parse
-        ast.parse = lambda *words, **more: beside.append(threading.current_thread().name) or parse(*words, **more)
+        def seen(*words, **more):
+            beside.append(threading.current_thread().name)
+            return parse(*words, **more)
+
+        ast.parse = seen
         backend = simulate(stick_slip(), 1.0).work.backend
-        (thread,) = [thread for thread in threading.enumerate() if thread.name == "labkit compiles"]  # goes on
+        # goes on
+        (thread,) = [t for t in threading.enumerate() if t.name == "labkit compiles"]
         beside.clear()
         before = set(sys.modules)
         thread.join()
-        print(backend, beside, {name.split(".")[0] for name in set(sys.modules) - before} - {"numba"}, simulate(stick_slip(), 1.0).work.backend)
+        more = {name.split(".")[0] for name in set(sys.modules) - before} - {"numba"}
+        print(backend, beside, more, simulate(stick_slip(), 1.0).work.backend)
     """
     assert with_the_core_only(tmp_path, program).split() == ["plain", "[]", "set()", "compiled"]
 
@@ -1263,11 +1324,18 @@ def test_code_that_is_ready_just_after_it_was_asked_for_is_not_missed(monkeypatc
 def test_a_later_kernel_finds_the_compiled_code(tmp_path):
     """Two processes, one cache folder: the second compiles nothing (helpers included)."""
     program = (
-        "import sys, labkit.solve.backend as b\nfrom tests.systems import stick_slip, relay\nfrom labkit import simulate\n"
-        "count = []\noriginal = b._compile\nb._compile = lambda *a: count.append(1) or original(*a)\n"
-        "print(len(simulate(stick_slip(), 9.0, backend='compiled').events) + len(simulate(relay(), 9.0, backend='compiled').events), len(count), 'numba' in sys.modules)"
+        "import sys, labkit.solve.backend as b\n"
+        "from tests.systems import stick_slip, relay\nfrom labkit import simulate\n"
+        "count = []\noriginal = b._compile\n"
+        "b._compile = lambda *a: count.append(1) or original(*a)\n"
+        "runs = [simulate(s(), 9.0, backend='compiled') for s in (stick_slip, relay)]\n"
+        "print(sum(len(r.events) for r in runs), len(count), 'numba' in sys.modules)"
     )
     printed = [with_the_core_only(tmp_path, program).split() for _ in range(2)]
     assert printed == [["7", "2", "True"], ["7", "0", "False"]]  # machine code needs no compiler
-    program = "from tests.systems import stick_slip\nfrom labkit import simulate\nprint(simulate(stick_slip(), 9.0).work.backend)"  # and waits for it: a run's last digit is not a matter of luck
+    # and waits for it: a run's last digit is not a matter of luck
+    program = (
+        "from tests.systems import stick_slip\nfrom labkit import simulate\n"
+        "print(simulate(stick_slip(), 9.0).work.backend)"
+    )
     assert with_the_core_only(tmp_path, program).split() == ["compiled"]

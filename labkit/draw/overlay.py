@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from ..model import ModelError
 from ..run import Run
-from .figure import COLORS, FAINT, INK
+from .figure import COLORS, DASHES, FAINT, INK
 from .layers import _strung
 from .view import Shows, View
 
@@ -92,7 +92,10 @@ class Overlay(View):
     def __init__(self, shows: Iterable[Shows]):
         self.shows = list(shows)
         grey = {"color": FAINT, "linewidth": 2.6, "alpha": 0.55, "zorder": 2.7}
-        self.ghosts = [[Line2D([], [], **grey) for _ in show.names] for show in self.shows]
+        self.ghosts = [  # told apart by their dashes, as the curves are
+            [Line2D([], [], **grey, linestyle=DASHES[k % 4]) for k, _ in enumerate(show.names)]
+            for show in self.shows
+        ]
         self.lines = [
             Line2D(
                 [],

@@ -178,6 +178,7 @@ class Window:
         low, high = self._proper(low, high)
         self.first = (low - margin * (high - low), high + margin * (high - low))
         self._set(*self.first)
+        self.home = self.now  # as they are read back
 
     def _proper(self, low: float, high: float) -> tuple[float, float]:
         if not self.log:
@@ -202,6 +203,8 @@ class Window:
 
         Values that are not finite are ignored.
         """
+        if self._shown() == self.home:  # brought home by a Reset: no zoom of the user
+            self.now = self.home
         if (
             not (np.isfinite(low) and np.isfinite(high))
             or self._shown() != self.now

@@ -120,11 +120,12 @@ def simulate(
         pieces,
         batch.touches.get(0, []),
         ended,
-        batch.notes.get(0, []) + faded(st, pieces, p),
+        batch.notes.get(0, []),
         MappingProxyType({**st.options.given, "start": start, "mode": mode}),
         simulate,
         out.other,
         out.part,
+        lambda: faded(st, pieces, p),
     )
     pool.give_back(batch)
     return run

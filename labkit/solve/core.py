@@ -20,7 +20,7 @@ def sample(model, w, p, t, h, end, mode, n):
     while place < w.i[SAMPLES] and w.grid[place] < end:
         if w.grid[place] > t:
             evaluate(w, n, (w.grid[place] - t) / h, w.y_try)
-            record(model, w, p, w.grid[place], mode, n, w.y_try)
+            append(model, w, p, w.grid[place], mode, n, w.y_try)
         place += 1
     if place < w.i[SAMPLES] and w.grid[place] == end:
         record(model, w, p, end, mode, n, w.y)

@@ -22,18 +22,22 @@ def room(w):
 def record(model, w, p, t, mode, n, y):
     """One sample, unless it is the last one again."""
     row, jump = w.i[OUT], w.i[JUMP]
-    if row > w.i[OUT_FROM] and w.out[row - 1][0] == t and w.out[row - 1][2] == jump:
-        return
-    out = w.out[row]
-    out[0], out[1], out[2], out[3], out[4] = t, mode, jump, -1.0, 0.0
-    if w.i[SLIDING] == 1:
-        out[3], out[4] = w.i[SLIDE_B], mixing(model, w, p, n, t, y)
-    for i in range(n):
-        out[5 + i] = y[i]
-    if w.i[HELD] > 0:
-        for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
-            out[5 + i] = y[i]
-    w.i[OUT] = row + 1
+    if row == w.i[OUT_FROM] or w.out[row - 1][0] != t or w.out[row - 1][2] != jump:
+        append(model, w, p, t, mode, n, y)
+
+
+def append(model, w, p, t, mode, n, y):
+    """… a sample of which that is clear."""
+    i, out = w.i, w.out[w.i[OUT]]
+    out[0], out[1], out[2], out[3], out[4] = t, mode, i[JUMP], -1.0, 0.0
+    if i[SLIDING] == 1:
+        out[3], out[4] = i[SLIDE_B], mixing(model, w, p, n, t, y)
+    for k in range(n):
+        out[5 + k] = y[k]
+    if i[HELD] > 0:
+        for k in range(i[WIDTH], i[WIDTH] + i[HELD]):
+            out[5 + k] = y[k]
+    i[OUT] += 1
 
 
 def keep_piece(w, t, h, mode, n):

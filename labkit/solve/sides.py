@@ -404,4 +404,4 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     before = far * w.g_away[k]
     if by_slope:
         return 1 if before < 0.0 else 0
-    return 0 if after == before or after > 0.1 * abs(before) else 1
+    return 0 if after == before or (before >= 0.0 and after > 0.1 * before) else 1
