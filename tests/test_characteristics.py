@@ -171,10 +171,11 @@ def pendulum(made, values, start=(1.0, 0.0), **options):
     )
 
 
-def exact(made, p, t_end, start=(1.0, 0.0), k=(-1.0, -1.0, 0.5, 0.7)):
+def exact(made, p, t_end, start=(1.0, 0.0), k=(-1.0, -1.0, 0.5, 0.7), t0=0.0):
     """(x, v, switches) at t_end from matrix exponentials on each piece, if it never rests."""
     k1, k2, k3, k4 = k
-    t, y, switches = 0.0, np.array([*start, 1.0, 0.0, 1.0]), 0  # x, v, 1, sin, cos
+    wave = math.sin(k4 * t0), math.cos(k4 * t0)
+    t, y, switches = t0, np.array([*start, 1.0, *wave]), 0  # x, v, 1, sin, cos
     way = 1 if start[1] > 0 or (start[1] == 0 and start[0] < 0) else -1
     while True:
         edges = np.array([-math.inf, *made.edges(p, way), math.inf])
