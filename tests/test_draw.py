@@ -1600,3 +1600,13 @@ def test_a_mode_at_rest_has_no_guard_lines_in_the_plane():
     said = [text.get_text() for text in portrait.axes.texts if text.get_visible()]
     assert any("through 0" in words for words in said)
     assert not any("leaves" in words for words in said)
+
+
+def test_a_small_patch_keeps_its_colour_among_thousands_of_shades():
+    from labkit.draw.figure import _palette_png
+
+    picture = np.random.default_rng(1).integers(0, 256, (300, 400, 3)).astype(np.uint8)
+    picture[:200] = 255
+    picture[20:28, 30:50] = (211, 238, 229)
+    made = np.asarray(Image.open(io.BytesIO(_palette_png(Image.fromarray(picture)))).convert("RGB"))
+    assert np.all(made[20:28, 30:50] == (211, 238, 229))

@@ -278,16 +278,30 @@ class Figure(matplotlib.figure.Figure):
 def _palette_png(rgb: Image.Image) -> bytes:
     """As many colours as fit into PNG_BYTES, of 128, 64, 32, 20 (and with 20 whatever it takes).
 
-    The commonest colours are kept exactly (backgrounds, grid, curves); the others come from maximum
-    coverage, which keeps the hue of a single thin line where median cut spends the palette on
-    shades of the background.
+    Half of them are kept exactly: those of areas (backgrounds, bands, a patch in a legend), however
+    small, before the shades at the rims of letters. The others come from maximum coverage, which
+    keeps the hue of a single thin line where median cut spends the palette on shades.
     """
+    key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
+    within = key[1:-1, 1:-1]  # pixels like their four neighbours
+    area = np.logical_and.reduce(
+        [
+            within == key[y : y + len(within), x : x + within.shape[1]]
+            for y, x in ((0, 1), (2, 1), (1, 0), (1, 2))
+        ]
+    )
+    wide = dict(
+        zip(*(part.tolist() for part in np.unique(within[area], return_counts=True)), strict=True)
+    )
     counted = sorted(
         rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height),
-        key=lambda pair: (-pair[0], pair[1]),
+        key=lambda pair: (
+            -wide.get(pair[1][0] << 16 | pair[1][1] << 8 | pair[1][2], 0),
+            -pair[0],
+            pair[1],
+        ),
     )
     found = np.array([color for _, color in counted], dtype=np.int32)
-    key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
     place = np.zeros(
         1 << 24, dtype=np.uint8
     )  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
