@@ -140,23 +140,34 @@ def number_of(text: str, p: object, x: object = None) -> Any:
         raise ModelError(f"{text!r} has no value for {dict(values)}: {error}") from None
 
 
-def integral(f: Callable[[np.ndarray], Any], low: float, high: float, depth: int = 30) -> complex:
-    """integral(f, 0.0, 2.0) -> ∫f, by Gauss's formula of 20 points, halved until it agrees."""
+def integral(f: Callable[[np.ndarray], Any], low: float, high: float) -> complex:
+    """integral(f, 0.0, 2.0) -> ∫f by Gauss's formula, the worst part halved until all agree."""
     if low == high:
         return 0j
+    parts = [_part(f, low, high)]
+    for _ in range(100):
+        worst = max(parts)
+        if worst[0] <= 1e-15 * sum(part[4] for part in parts):
+            break
+        parts.remove(worst)
+        middle = (worst[1] + worst[2]) / 2
+        parts += [_part(f, worst[1], middle), _part(f, middle, worst[2])]
+    return sum(part[3] for part in parts)
+
+
+def _part(f: Callable[[np.ndarray], Any], low: float, high: float) -> tuple:
+    """Error, ends, integral and that of |f|: 20 points over the whole against its two halves."""
     middle = (low + high) / 2
-    whole, left, right = (_gauss(f, *e) for e in ((low, high), (low, middle), (middle, high)))
-    halves = left[0] + right[0]
-    if depth == 0 or abs(halves - whole[0]) <= 4e-15 * (left[1] + right[1]):
-        return halves
-    return integral(f, low, middle, depth - 1) + integral(f, middle, high, depth - 1)
-
-
-def _gauss(f: Callable[[np.ndarray], Any], low: float, high: float) -> tuple[complex, float]:
-    """The integral and that of |f|."""
-    values = f((low + high) / 2 + (high - low) / 2 * _NODES) * np.ones(len(_NODES))
-    half = (high - low) / 2
-    return complex(half * (_WEIGHTS @ values)), float(abs(half) * (_WEIGHTS @ np.abs(values)))
+    places = np.concatenate(
+        [
+            (a + b) / 2 + (b - a) / 2 * _NODES
+            for a, b in ((low, high), (low, middle), (middle, high))
+        ]
+    )
+    values = (f(places) * np.ones(places.shape)).reshape(3, -1)
+    whole, left, right = (high - low) / 2 * (values @ _WEIGHTS) * (1.0, 0.5, 0.5)
+    size = abs(high - low) / 2 * float(np.abs(values[0]) @ _WEIGHTS)
+    return abs(whole - left - right), low, high, complex(left + right), size
 
 
 def sympy_of(text: str, names: Mapping[str, Any]) -> Any:

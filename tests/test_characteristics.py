@@ -452,7 +452,7 @@ def test_other_states_go_on_at_rest_with_the_force_that_holds_the_body():
 
     made = characteristic("relay").modes(coupled, ("x", "v", "z"))
     system = System("coupled", dict.fromkeys("xvz", ""), {"K": 1.0}, **made, start=start)
-    right = brentq(lambda t: t - 1 + math.exp(-t / 2), 0.5, 3.0)
+    right = brentq(lambda t: t - 2 + math.exp(-t / 2), 1.0, 3.0)  # where F has grown to K
     assert simulate(system, 5.0, rtol=1e-10).events[0].t == pytest.approx(right, abs=1e-7)
 
 
