@@ -14,6 +14,7 @@ from labkit import (
     Parameter,
     System,
     Transition,
+    characteristic,
     monodromy,
     periodic,
     section,
@@ -41,6 +42,24 @@ mathieu = plain(
     a=1.0,
     q=0.3,
     c=0.0,
+)
+
+bouncer = System(
+    "ball",
+    {"y": "m", "v": "m/s"},
+    {"e": 0.5},
+    [Mode("flight", lambda t, s, p: (s.v, -10.0))],
+    [
+        Transition(
+            "flight",
+            "flight",
+            lambda t, s, p: s.y,
+            -1,
+            reset=lambda t, s, p: (0.0, -p.e * s.v),
+            label="bounce",
+        )
+    ],
+    start={"y": 5.0, "v": 0.0},
 )
 
 
@@ -77,24 +96,7 @@ def test_once_a_period():
 
 
 def test_a_jump_is_no_point_and_a_guard_s_own_zero_is_one():
-    ball = System(
-        "ball",
-        {"y": "m", "v": "m/s"},
-        {"e": 0.5},
-        [Mode("flight", lambda t, s, p: (s.v, -10.0))],
-        [
-            Transition(
-                "flight",
-                "flight",
-                lambda t, s, p: s.y,
-                -1,
-                reset=lambda t, s, p: (0.0, -p.e * s.v),
-                label="bounce",
-            )
-        ],
-        start={"y": 5.0, "v": 0.0},
-    )
-    run = simulate(ball, 3.2, rtol=1e-12)
+    run = simulate(bouncer, 3.2, rtol=1e-12)
     bounces = run.events["bounce"].t
     assert len(bounces) >= 4
     landed = section(run, lambda t, s, p: s.y, direction=-1)
@@ -103,6 +105,63 @@ def test_a_jump_is_no_point_and_a_guard_s_own_zero_is_one():
     middles = (bounces[1:] + bounces[:-1]) / 2
     np.testing.assert_allclose(tops.t, middles[: len(tops)], rtol=1e-12)
     assert len(tops) >= len(middles) - 1 and np.all(landed["v"] < 0)
+
+
+def sections(run, g):
+    """Points of g and of −g: rising, falling, both; those of −g must be the same."""
+
+    def mirrored(t, s, p):
+        return -g(t, s, p)
+
+    up, down, both = (section(run, g, direction).t for direction in (1, -1, 0))
+    np.testing.assert_array_equal(section(run, mirrored, -1).t, up)
+    np.testing.assert_array_equal(section(run, mirrored, 1).t, down)
+    np.testing.assert_array_equal(section(run, mirrored).t, both)
+    np.testing.assert_array_equal(np.sort([*up, *down]), both)
+    return up, down, both
+
+
+def test_a_section_that_is_a_guard_and_its_mirror_image():
+    run = simulate(bouncer, 3.2, rtol=1e-12)
+    bounces = run.events["bounce"].t
+    assert len(bounces) >= 4
+    up, down, _ = sections(run, lambda t, s, p: s.y)
+    np.testing.assert_array_equal(up, [])  # it leaves the ground by an event, not by its flow
+    np.testing.assert_allclose(down, bounces, rtol=1e-12)
+    up, down, _ = sections(run, lambda t, s, p: s.v)  # the start, v = 0, is no point
+    np.testing.assert_array_equal(up, [])
+    middles = (bounces[1:] + bounces[:-1]) / 2
+    np.testing.assert_allclose(down, middles[: len(down)], rtol=1e-12)
+
+
+def test_a_start_on_the_section_is_no_point_a_touch_neither_an_end_is_one():
+    swing = plain("swing", lambda t, s, p: (s.v, -s.x), {"x": 1.0, "v": 0.0})
+    run = simulate(swing, 8.0, rtol=1e-12)
+    up, down, _ = sections(run, at_rest)
+    np.testing.assert_allclose(up, [math.pi], rtol=1e-10)
+    np.testing.assert_allclose(down, [2 * math.pi], rtol=1e-10)
+    assert not len(sections(run, lambda t, s, p: 0.0)[2])
+    straight = simulate(plain("straight", lambda t, s, p: (1.0,), {"x": -1.0}), 1.0)
+    up, down, _ = sections(straight, at_zero)
+    assert list(up) == [1.0] and not len(down)
+    assert not len(sections(straight, lambda t, s, p: s.x**2)[0])
+
+
+@pytest.mark.parametrize("x", np.linspace(1, 3, 8))
+def test_every_stop_of_a_pendulum_with_hysteresis_is_a_zero_of_its_speed(x):
+    relay = characteristic("relay with hysteresis")
+    pendulum = System(
+        "pendulum",
+        {"x": "", "v": ""},
+        {"K": 1.0, "a": 0.4},
+        **relay.modes(lambda t, s, p, F: (s.v, -F - 0.5 * s.v)),
+        start={"x": float(x), "v": 0.0},
+    )
+    run = simulate(pendulum, 20.0, method="RK45", rtol=1e-6)
+    stops = run.events["stop"].t
+    assert len(stops) >= 5
+    _, _, both = sections(run, at_rest)
+    np.testing.assert_allclose(both, stops[stops > 0], rtol=1e-10)
 
 
 @pytest.mark.parametrize(
