@@ -29,6 +29,7 @@ def plain(name, flow, start, **parameters):
 
 
 damped = plain("damped", lambda t, s, p: (s.v, -2 * p.d * s.v - s.x), {"x": 1.0, "v": 0.0}, d=0.1)
+lifted = plain("lifted", lambda t, s, p: (s.v, 5.0 - s.v - s.x), {"x": 1.0, "v": 0.0})
 vdp = plain(
     "van der Pol",
     lambda t, s, p: (s.v, p.mu * (1 - s.x**2) * s.v - s.x),
@@ -440,6 +441,8 @@ def test_a_start_on_a_guard_is_moved_to_a_flight():
         (lambda: periodic(vdp, -1.0), "the period must be positive, not -1"),
         (lambda: periodic(vdp, at_zero, horizon=1.0), "crosses the section 0 times, but 3"),
         (lambda: periodic(damped, at_zero, horizon=90.0), "is at rest, not a cycle"),
+        (lambda: periodic(damped, 3.0), "is at rest, not a cycle"),
+        (lambda: periodic(lifted, 3.0), "is at rest, not a cycle: x = 5, v = "),
         (lambda: periodic(vdp, 5.0), "no cycle was found"),
         (lambda: periodic(vdp, at_zero, horizon=9.0, nu=1.0), "'nu' is not a parameter"),
         (lambda: monodromy(mathieu, 1.0, nu=1.0), "'nu' is not a parameter"),
@@ -452,6 +455,14 @@ def test_a_start_on_a_guard_is_moved_to_a_flight():
 def test_what_is_no_cycle_is_said(call, words):
     with pytest.raises(ModelError, match=words):
         call()
+
+
+def test_a_small_answer_to_a_small_force_is_a_cycle():
+    driven = plain(
+        "driven", lambda t, s, p: (s.v, 1e-6 * math.cos(t) - s.v - s.x), {"x": 1.0, "v": 0.0}
+    )
+    cycle = periodic(driven, 2 * math.pi)
+    assert cycle.at(math.pi / 2)["x"] == pytest.approx(1e-6, rel=1e-5)
 
 
 def test_a_driven_system_needs_its_period():
