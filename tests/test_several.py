@@ -103,10 +103,22 @@ def test_what_differs_by_default_stays_each_its_own_until_its_slider_is_moved():
     panel._set({"values": {"p.k": 4.0}})
     assert [run.p.k for run in panel.run.values()] == [4.0, 4.0]
     assert [run.start["x"] for run in panel.run.values()] == [1.0, 2.0]
-    panel._set({"values": {"p.k": 2.0}})  # where it began
-    assert [run.p.k for run in panel.run.values()] == [2.0, 3.0]
+    panel._set({"values": {"p.k": 2.0}})  # moved, to where it began
+    assert [run.p.k for run in panel.run.values()] == [2.0, 2.0] and "k=2.0" in panel.code()
+    panel._set({"values": {}, "reset": True})
+    assert [run.p.k for run in panel.run.values()] == [2.0, 3.0] and "k=" not in panel.code()
     given = explore(pair, 5.0, k=5.0, **PLAIN)
     assert [run.p.k for run in given.run.values()] == [5.0, 5.0]
+
+
+def test_a_preset_is_for_all_models_also_with_the_default_of_one():
+    pair = {"soft": oscillator(), "hard": oscillator(k=Parameter(3.0, "1/s²", "", 0.5, 6.0))}
+    panel = explore(pair, 5.0, presets={"both soft": {"k": 2.0}}, **PLAIN)
+    message = {"kind": "set", "values": panel.presets["both soft"], "reset": True}
+    panel._receive(None, message, [])
+    assert [run.p.k for run in panel.run.values()] == [2.0, 2.0]
+    panel._receive(None, {"kind": "undo"}, [])
+    assert [run.p.k for run in panel.run.values()] == [2.0, 3.0]
 
 
 @pytest.mark.parametrize(
