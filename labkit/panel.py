@@ -587,6 +587,11 @@ def explore(
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
     given = start if isinstance(start, Mapping) else {}
+    if unknown := [name for name in given if several and name not in whole.units]:
+        raise ModelError(
+            f"start names {listed(unknown)}, which none of {whole.name} has; there are "
+            f"{listed(whole.units)}"
+        )
     begins = {
         label: {**one.start, **{k: v for k, v in given.items() if not several or k in one.units}}
         for label, one in models.items()
@@ -718,7 +723,7 @@ def _sliders_of(system: System, sliders: object, whole: Merged) -> object:
 def _presets(
     presets: Mapping[str, Mapping[str, object]], system: System, controls: list[Control]
 ) -> dict[str, dict]:
-    """Values by control key. Raises ModelError for a name that no control and no parameter has."""
+    """Values by control key. Raises ModelError for an unknown name and a wrong value."""
     keys = {
         control.key.removeprefix("start.").removeprefix("p.").removeprefix("choice."): control.key
         for control in controls
@@ -738,6 +743,20 @@ def _presets(
                 f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not "
                 f"have; there are {listed(keys)}"
             )
+        for name, value in values.items():
+            what = f"{name!r} of preset {preset!r}"
+            options = next((c.options for c in controls if c.key == keys[name]), ())
+            if options and value not in options:
+                raise ModelError(f"{what} must be one of {listed(options)}, not {value!r}")
+            if options:
+                continue
+            number(value, what)
+            for one in getattr(system, "systems", {"": system}).values():
+                if keys[name] == f"p.{name}" and name in one.parameters:
+                    try:
+                        one.values({name: value})
+                    except ModelError as error:
+                        raise ModelError(f"preset {preset!r}: {error}") from None
     return {
         preset: {keys[name]: value for name, value in values.items()}
         for preset, values in presets.items()

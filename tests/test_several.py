@@ -140,6 +140,12 @@ def test_wrong_input_in_words(pair):
         explore({"a": oscillator(), "b": 3}, 5.0)
     with pytest.raises(ModelError, match="sliders names 'z', which none of plain, damped has"):
         explore(pair, 5.0, sliders=["z"], **PLAIN)
+    with pytest.raises(ModelError, match="start names 'zz', which none of plain, damped has"):
+        explore(pair, 5.0, start={"zz": 3.0}, **PLAIN)
+    for d, words in [(-1e9, "outside its range"), ("abc", "'d' of preset 'p' must be a number")]:
+        ranged = {**pair, "damped": oscillator("o", d=Parameter(0.4, "", "", 0.0, 1.0))}
+        with pytest.raises(ModelError, match=words):
+            explore(ranged, 5.0, presets={"p": {"d": d}}, **PLAIN)
     with pytest.raises(ModelError, match="cannot choose a system"):
         explore(pair, 5.0, choices={"m": {"a": {"system": oscillator()}}}, **PLAIN)
     both = {"a": oscillator(), "b": oscillator(states=("k2", "v2"), start=0.0, x=1.0)}
