@@ -52,7 +52,8 @@ def section(
 
     At an event: where the flow before it comes to zero there is one point, a fall if it comes from
     above, with the state before the event; a jump of the state across zero is none. A start on
-    the section is no point, an end on it is, and a touch of zero between events is none.
+    the section is a point, a rise if it goes up, and so is an end on it; a touch of zero between
+    events is none.
     Two zeros within an eighth of a step are missed: then simulate with a smaller max_step.
     Raises ModelError for a period that is not positive, and as run.at does.
     """
@@ -101,7 +102,7 @@ def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
     # both sides of an instant are measured alike
     slack[1:, 0] = slack[:-1, -1] = np.maximum(slack[1:, 0], slack[:-1, -1])
     events = {*(event.t for event in run.events), float(run.t[-1])}
-    points = []  # (t, whether it rises)
+    points, start = [], True  # (t, whether it rises)
     side, last, zero = 0.0, (0, 0), None  # the side g was on, at which node, where it became zero
     for k, (piece, f, theta, found) in enumerate(
         zip(pieces, functions, thetas, values, strict=True)
@@ -112,12 +113,16 @@ def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
             if sign == 0:
                 zero = when if zero is None else zero
                 continue
+            if start and zero is not None:
+                points.append((run.t[0], sign > 0))
+            start = False
             if side * sign < 0:
                 if last[0] == k:
                     when = piece[0] + piece[1] * brentq(f, theta[last[1]], theta[i], xtol=1e-15)
                 points.append((when if zero is None or last[0] == k else zero, sign > 0))
             side, last, zero = sign, (k, i), None
         if float(ends[k]) in events:
+            start = False
             if zero is not None and side:
                 points.append((ends[k], side < 0))
             side, zero = 0.0, None  # what comes after has a side of its own

@@ -79,13 +79,13 @@ def test_zeros_of_a_swing():
     w = math.sqrt(0.99)
     run = simulate(damped, 30.0, rtol=1e-12)
     tops = section(run, at_rest, direction=-1)  # v falls through zero at the tops
-    np.testing.assert_allclose(tops.t, 2 * np.pi / w * np.arange(1, 5), rtol=1e-10)
+    np.testing.assert_allclose(tops.t, 2 * np.pi / w * np.arange(5), rtol=1e-10)
     np.testing.assert_allclose(tops["x"], np.exp(-0.1 * tops.t), rtol=1e-9)
     both = section(run, at_rest, since=1.0)
     np.testing.assert_allclose(both.t, np.pi / w * np.arange(1, 10), rtol=1e-10)
-    assert set(tops["mode"]) == {"m"} and len(tops) == 4 and "4 points" in repr(tops)
+    assert set(tops["mode"]) == {"m"} and len(tops) == 5 and "5 points" in repr(tops)
     bottoms = section(run, at_rest, direction=1)
-    assert sorted([*tops.t, *bottoms.t]) == pytest.approx(list(both.t))
+    assert sorted([*tops.t[1:], *bottoms.t]) == pytest.approx(list(both.t))
 
 
 def test_once_a_period():
@@ -104,8 +104,8 @@ def test_a_jump_is_no_point_and_a_guard_s_own_zero_is_one():
     np.testing.assert_allclose(landed.t, bounces, rtol=1e-12)
     tops = section(run, lambda t, s, p: s.v)  # the speed jumps from − to + at a bounce: no point
     middles = (bounces[1:] + bounces[:-1]) / 2
-    np.testing.assert_allclose(tops.t, middles[: len(tops)], rtol=1e-12)
-    assert len(tops) >= len(middles) - 1 and np.all(landed["v"] < 0)
+    np.testing.assert_allclose(tops.t, [0.0, *middles][: len(tops)], rtol=1e-12)
+    assert len(tops) >= len(middles) and np.all(landed["v"] < 0)
 
 
 def sections(run, g):
@@ -129,18 +129,18 @@ def test_a_section_that_is_a_guard_and_its_mirror_image():
     up, down, _ = sections(run, lambda t, s, p: s.y)
     np.testing.assert_array_equal(up, [])  # it leaves the ground by an event, not by its flow
     np.testing.assert_allclose(down, bounces, rtol=1e-12)
-    up, down, _ = sections(run, lambda t, s, p: s.v)  # the start, v = 0, is no point
+    up, down, _ = sections(run, lambda t, s, p: s.v)  # the start, v = 0, is the first top
     np.testing.assert_array_equal(up, [])
     middles = (bounces[1:] + bounces[:-1]) / 2
-    np.testing.assert_allclose(down, middles[: len(down)], rtol=1e-12)
+    np.testing.assert_allclose(down, [0.0, *middles][: len(down)], rtol=1e-12)
 
 
-def test_a_start_on_the_section_is_no_point_a_touch_neither_an_end_is_one():
+def test_a_start_and_an_end_on_the_section_are_points_and_a_touch_is_none():
     swing = plain("swing", lambda t, s, p: (s.v, -s.x), {"x": 1.0, "v": 0.0})
     run = simulate(swing, 8.0, rtol=1e-12)
     up, down, _ = sections(run, at_rest)
     np.testing.assert_allclose(up, [math.pi], rtol=1e-10)
-    np.testing.assert_allclose(down, [2 * math.pi], rtol=1e-10)
+    np.testing.assert_allclose(down, [0.0, 2 * math.pi], rtol=1e-10)
     assert not len(sections(run, lambda t, s, p: 0.0)[2])
     straight = simulate(plain("straight", lambda t, s, p: (1.0,), {"x": -1.0}), 1.0)
     up, down, _ = sections(straight, at_zero)
@@ -162,7 +162,7 @@ def test_every_stop_of_a_pendulum_with_hysteresis_is_a_zero_of_its_speed(x):
     stops = run.events["stop"].t
     assert len(stops) >= 5
     _, _, both = sections(run, at_rest)
-    np.testing.assert_allclose(both, stops[stops > 0], rtol=1e-10)
+    np.testing.assert_allclose(both, [0.0, *stops[stops > 0]], rtol=1e-10)
 
 
 @pytest.mark.parametrize(
