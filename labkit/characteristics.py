@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from .formulas import FUNCTIONS, names_of, number_of, parsed, put, sympy_of, values_of
+from .formulas import FUNCTIONS, integral, names_of, number_of, parsed, put, sympy_of, values_of
 from .model import ModelError, Output, System, listed
 from .switching import Builder, Law
 
@@ -115,14 +115,18 @@ def characteristic(kind: str, *, memory: bool = False, **names: str | float) -> 
 
     Raises ModelError for an unknown kind or name, and for memory where it has no meaning.
     """
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise ModelError(f"there is no characteristic {kind!r}; there are {listed(KINDS)}")
     branches = KINDS[kind]
     known = {name for branch in branches for name in branch.names}
     if unknown := [name for name in names if name not in known]:
         raise ModelError(f"{kind!r} has no {listed(unknown)}; it has {listed(sorted(known))}")
-    for name in names.values():
-        parsed(str(name))
+    for name, value in names.items():
+        number = not isinstance(value, str) and value is not True and value is not False
+        if number and not (isinstance(value, int | float) and math.isfinite(value)):
+            raise ModelError(f"{name} = {value!r} is neither a number nor a formula as text")
+        if "x" in names_of(str(value)):
+            raise ModelError(f"{name} = {value!r}: x is the input, no parameter can be called so")
     made = [
         Branch(*(tuple(put(text, names) for text in part) for part in (b.edges, b.pieces)))
         for b in branches
@@ -238,10 +242,11 @@ class Characteristic:
     def __call__(self, x: object, p: object = (), v: object = 1.0) -> np.ndarray | float:
         """relay(x, p, v=-1.0) -> F, an array if x or v is one; v = x' chooses the branch.
 
-        At a break point it is the piece that the motion enters. Raises ModelError as `check`.
+        At a break point it is the piece that the motion enters. With memory: what a relay gives
+        that comes from far away in this direction. Raises ModelError as `check`.
         """
         self.check(p)
-        x, v = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(v, dtype=float))
+        x, v = np.broadcast_arrays(_numbers(x, "x"), _numbers(v, "x'"))
         up, down = (
             self._on(branch, x, p, side)
             for branch, side in ((self.rising, "right"), (self.falling, "left"))
@@ -273,6 +278,13 @@ class Characteristic:
                     f"{edges[k]:g} lies right of {branch.edges[k + 1]} = {edges[k + 1]:g}"
                     f" ({self._said(p)})"
                 )
+            ends = np.concatenate([edges[:1], edges, edges[-1:]])
+            for text, low, high in zip(branch.pieces, ends, ends[1:], strict=False):
+                if not np.all(np.isfinite(number_of(text, p, np.array([low, high])))):
+                    raise ModelError(
+                        f"{self.name}: the piece {text} has no value between {low:g} and {high:g} "
+                        f"({self._said(p)})"
+                    )
         if not self.hysteresis:
             return
         edges = np.unique(np.concatenate([self.edges(p, 1), self.edges(p, -1)]))
@@ -303,51 +315,54 @@ class Characteristic:
     # -- what theory makes of it -------------------------------------------------------------------
 
     def potential(self, x: object, p: object = ()) -> np.ndarray | float:
-        """potential(x, p) -> ∫₀ˣ F dx, an array if x is one; from the pieces' antiderivatives.
+        """potential(x, p) -> ∫₀ˣ F dx, an array if x is one; as `describing`, to rounding.
 
         Raises ModelError where F has two branches: then the work depends on the way.
         """
         if self.hysteresis:
             raise ModelError(f"{self.name!r} has no potential: its work depends on the way")
-        import sympy as sp
-
         self.check(p)
-        symbol = sp.Symbol("x", real=True)
-        values, edges = values_of(p), [-math.inf, *self.edges(p), math.inf]
-        x = np.asarray(x, dtype=float)
+        edges = [-math.inf, *self.edges(p).tolist(), math.inf]
+        x = _numbers(x, "x")
         total = np.zeros(x.shape)
-        for text, low, high in zip(self.rising.pieces, edges, edges[1:], strict=False):
-            whole = sp.integrate(sympy_of(text, values | {"x": symbol}), symbol)
-            value = sp.lambdify(symbol, whole, "numpy")
-            ends = np.clip(0.0, low, high), np.clip(x, low, high)
-            total += value(ends[1]) - value(ends[0]) if low < high else 0.0
+        for place, end in np.ndenumerate(x):
+            for text, low, high in zip(self.rising.pieces, edges, edges[1:], strict=False):
+                ends = (min(max(q, low), high) for q in (0.0, float(end)))
+                total[place] += integral(lambda q, text=text: number_of(text, p, q), *ends).real
         return total if total.shape else float(total)
 
     def describing(self, amplitude: float, p: object = ()) -> complex:
         """describing(A, p) -> N(A), the complex gain of the first harmonic for x = A sin θ.
 
         N = (b + j a)/A with b = (1/π)∮F sin θ dθ and a = (1/π)∮F cos θ dθ, by Gauss's formula
-        between the break points: exact to rounding where F is linear in pieces. (Gelb and Vander
-        Velde, Multiple-Input Describing Functions, 1968.) Raises ModelError for A ≤ 0.
+        between the break points, halved until it agrees with itself to rounding. (Gelb and Vander
+        Velde, Multiple-Input Describing Functions, 1968.) Raises ModelError for an amplitude that
+        is no number above 0, and for a relay with memory where it does not reach every break
+        point: what F is there depends on what was before.
         """
-        if not amplitude > 0:
-            raise ModelError(f"a describing function needs an amplitude > 0, not {amplitude!r}")
+        if not (isinstance(amplitude, int | float | np.number) and 0 < amplitude < math.inf):
+            raise ModelError(f"a describing function needs an amplitude > 0, not {amplitude!r:.40}")
         self.check(p)
-        nodes, weights = np.polynomial.legendre.leggauss(40)
+        far = max((np.abs(self.edges(p, way)).max(initial=0.0) for way in (1, -1)), default=0.0)
+        if self.memory and amplitude <= far:
+            raise ModelError(
+                f"{self.name}: an amplitude of {amplitude:g} does not reach the break points at "
+                f"±{far:g}; a relay with memory then keeps what it had before"
+            )
         total = 0j
-        for way in (1, -1):
-            branch = self.rising if way > 0 else self.falling
-            cuts = np.arcsin(np.clip(self.edges(p, way) / amplitude, -1, 1))
-            corners = np.concatenate([[-math.pi / 2], cuts, [math.pi / 2]])
+        for way, branch in ((1, self.rising), (-1, self.falling)):
+            cuts = np.arcsin(np.clip(self.edges(p, way) / amplitude, -1, 1)).tolist()
+            corners = [-math.pi / 2, *cuts, math.pi / 2]
             # x' < 0: the same places again, θ runs on from π/2 to 3π/2
-            for low, high in zip(corners, corners[1:], strict=False):
-                steps = 1 + 7 * (not branch.edges)  # a smooth piece may bend sharply
-                ends = np.linspace(low, high, steps + 1)
-                for one, two in zip(ends, ends[1:], strict=False):
-                    angle = (one + two) / 2 + (two - one) / 2 * nodes
-                    F = self(amplitude * np.sin(angle), p, float(way))
-                    wave = np.sin(angle) + 1j * way * np.cos(angle)
-                    total += (two - one) / 2 * np.sum(weights * F * wave)
+            for text, low, high in zip(branch.pieces, corners, corners[1:], strict=False):
+                total += integral(
+                    lambda a, text=text, way=way: (
+                        number_of(text, p, amplitude * np.sin(a))
+                        * (np.sin(a) + 1j * way * np.cos(a))
+                    ),
+                    low,
+                    high,
+                )
         return complex(total) / (math.pi * amplitude)
 
     # -- the hybrid system -------------------------------------------------------------------------
@@ -372,13 +387,20 @@ class Characteristic:
         made = build.with_memory() if self.memory else build.formula()
         return {"modes": made[0], "transitions": made[1], "mode": made[2]}
 
-    def output(self, unit: str = "", meaning: str = "output of the characteristic", **law: Any):
+    def output(
+        self,
+        unit: str = "",
+        meaning: str = "output of the characteristic",
+        *,
+        law: Law | None = None,
+        states: tuple[str, ...] = ("x", "v"),
+    ) -> Output:
         """outputs={"F": relay.output("N", law=law)} -> Output: F along the run.
 
-        With law (and states, as for `modes`) F at rest is the value that holds the balance, else
-        the mean of the two values between which it lies.
+        With law (and states, as for `modes`) F at rest is the value that holds the balance, if the
+        law is linear in F; without it, the mean of the two values between which it lies.
         """
-        build = Builder(self, law.get("law"), law.get("states", ("x", "v")))
+        build = Builder(self, law, states)
         return Output(build.outputs(), unit, meaning)
 
     # -- pictures ----------------------------------------------------------------------------------
@@ -461,6 +483,13 @@ def _arrows(ax: Any, points: np.ndarray, color: str) -> None:
                     "shrinkB": 0,
                 },
             )
+
+
+def _numbers(values: object, what: str) -> np.ndarray:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{what} must be a number or an array, not {values!r:.40}") from None
 
 
 class Formula:

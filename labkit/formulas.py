@@ -9,6 +9,8 @@ import ast
 import linecache
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from .model import ModelError, System, listed
 __all__ = [
     "FUNCTIONS",
     "function",
+    "integral",
     "names_of",
     "number_of",
     "parsed",
@@ -28,6 +31,10 @@ __all__ = [
 ]
 
 FUNCTIONS = ("atan", "cos", "exp", "sin", "sqrt", "tanh", "pi")
+_NUMPY = {name: getattr(np, name) for name in FUNCTIONS}
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
+ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Call, ast.Name, ast.Constant, ast.Load)
+ALLOWED += (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
 
 
 def parsed(text: str) -> ast.expr:
@@ -35,24 +42,25 @@ def parsed(text: str) -> ast.expr:
         tree = ast.parse(text.strip(), mode="eval").body
     except SyntaxError:
         raise ModelError(f"{text!r} is no formula in x and names of parameters") from None
-    allowed = (ast.BinOp, ast.UnaryOp, ast.Call, ast.Name, ast.Constant)
-    operators = (ast.operator, ast.unaryop, ast.Load)
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and not (
-            isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and not node.keywords
+            isinstance(node.func, ast.Name)
+            and node.func.id in FUNCTIONS
+            and len(node.args) == 1
+            and not node.keywords
         ):
-            raise ModelError(f"{text!r}: a formula calls {listed(FUNCTIONS)} only")
-        if not isinstance(node, (*allowed, *operators)):
-            raise ModelError(f"{text!r} is no formula: sums, products, powers and functions only")
+            raise ModelError(f"{text!r}: a formula calls {listed(FUNCTIONS)} only, of one number")
+        if not isinstance(node, ALLOWED) or (
+            isinstance(node, ast.Constant) and type(node.value) not in (int, float)
+        ):
+            raise ModelError(
+                f"{text!r} is no formula: numbers, names, + − * / ** and functions only"
+            )
     return tree
 
 
 def names_of(text: str) -> list[str]:
     return [node.id for node in ast.walk(parsed(text)) if isinstance(node, ast.Name)]
-
-
-def _split(text: str) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(";") if part.strip())
 
 
 class _Put(ast.NodeTransformer):
@@ -76,7 +84,11 @@ def _short(text: str) -> str:
     import sympy as sp
 
     value = sympy_of(text, {n: sp.Symbol(n) for n in names_of(text) if n not in FUNCTIONS})
-    return text if value.atoms(sp.Float) else str(value)
+    if value.has(sp.zoo, sp.nan, sp.oo):
+        raise ModelError(f"{text!r} has no value: it divides by zero")
+    short = str(value)  # SymPy has names of its own, E for exp(1)
+    keep = value.atoms(sp.Float) or not set(names_of(short)) <= set(names_of(text))
+    return text if keep else short
 
 
 class _Python(ast.NodeTransformer):
@@ -111,16 +123,40 @@ def values_of(p: object) -> Mapping[str, float]:
     return dict(p) if isinstance(p, Mapping) else {}
 
 
+@lru_cache(maxsize=1000)
+def _code(text: str) -> tuple[CodeType, tuple[str, ...]]:
+    names = tuple(n for n in dict.fromkeys(names_of(text)) if n not in FUNCTIONS and n != "x")
+    return compile(ast.Expression(parsed(text)), text, "eval"), names
+
+
 def number_of(text: str, p: object, x: object = None) -> Any:
-    values = values_of(p)
-    scope = {name: getattr(np, name) for name in FUNCTIONS}
-    for name in names_of(text):
-        if name not in FUNCTIONS and name != "x":
-            if name not in values:
-                raise ModelError(f"{text!r} needs the parameter {name!r}; give p = {{…}}")
-            scope[name] = values[name]
-    with np.errstate(all="ignore"):
-        return eval(compile(ast.Expression(parsed(text)), text, "eval"), {**scope, "x": x})
+    values, (code, names) = values_of(p), _code(text)
+    if missing := [name for name in names if name not in values]:
+        raise ModelError(f"{text!r} needs the parameter {missing[0]!r}; give p = {{…}}")
+    try:
+        with np.errstate(all="ignore"):
+            return eval(code, {**_NUMPY, **{name: values[name] for name in names}, "x": x})
+    except (ArithmeticError, TypeError) as error:
+        raise ModelError(f"{text!r} has no value for {dict(values)}: {error}") from None
+
+
+def integral(f: Callable[[np.ndarray], Any], low: float, high: float, depth: int = 30) -> complex:
+    """integral(f, 0.0, 2.0) -> ∫f, by Gauss's formula of 20 points, halved until it agrees."""
+    if low == high:
+        return 0j
+    middle = (low + high) / 2
+    whole, left, right = (_gauss(f, *e) for e in ((low, high), (low, middle), (middle, high)))
+    halves = left[0] + right[0]
+    if depth == 0 or abs(halves - whole[0]) <= 4e-15 * (left[1] + right[1]):
+        return halves
+    return integral(f, low, middle, depth - 1) + integral(f, middle, high, depth - 1)
+
+
+def _gauss(f: Callable[[np.ndarray], Any], low: float, high: float) -> tuple[complex, float]:
+    """The integral and that of |f|."""
+    values = f((low + high) / 2 + (high - low) / 2 * _NODES) * np.ones(len(_NODES))
+    half = (high - low) / 2
+    return complex(half * (_WEIGHTS @ values)), float(abs(half) * (_WEIGHTS @ np.abs(values)))
 
 
 def sympy_of(text: str, names: Mapping[str, Any]) -> Any:

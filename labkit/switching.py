@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .formulas import function, python, sympy_of
-from .model import Mode, Transition
+from .model import Mode, ModelError, Transition
 
 if TYPE_CHECKING:
     from .characteristics import Branch, Characteristic
@@ -29,6 +29,8 @@ class Builder:
     """
 
     def __init__(self, made: Characteristic, law: Law | None, states: tuple[str, ...]):
+        if isinstance(states, str) or len(states) < 2:
+            raise ModelError(f"states names the input and its rate, ('x', 'v'), not {states!r}")
         self.made, self.law, self.states = made, law, states
         self.x, self.v = states[:2]
         self.rates = {
@@ -60,9 +62,10 @@ class Builder:
             return region
         return f"{'→' if way > 0 else '←'} {region}"
 
-    def _rest(self) -> Callable:
-        """The flow at rest: input and rate stand still, other states go on."""
-        more = "".join(f", {self.rates[1][0]}[{k}]" for k in range(2, len(self.states)))
+    def _rest(self, one: str, two: str) -> Callable:
+        """The flow at rest: input and rate stand still, other states go on, with F in balance."""
+        law = f"law(t, s, p, {self._balance(one, two)})"
+        more = "".join(f", {law}[{k}]" for k in range(2, len(self.states)))
         return self._made(f"(0.0, 0.0{more})")
 
     def _jumps(self) -> list[int]:
@@ -73,7 +76,11 @@ class Builder:
         names = {name: sp.Symbol(name) for name in (*branch.names, "x")}
         for k, edge in enumerate(branch.edges):
             left, right = (sympy_of(piece, names) for piece in branch.pieces[k : k + 2])
-            if sp.simplify((right - left).subs(names["x"], sympy_of(edge, names))) != 0:
+            ends = [side.subs(names["x"], sympy_of(edge, names)) for side in (left, right)]
+            step = sp.simplify(ends[1] - ends[0])
+            if step.is_number:  # of points typed in, which meet but for rounding
+                step = 0 if abs(step) <= 1e-12 * max(map(abs, ends)) else step
+            if step != 0:
                 found.append(k)
         return found
 
@@ -109,7 +116,8 @@ class Builder:
                 self._crossing(1, k, k + 1, k, **calm),
             ]
             if k in jumps:
-                modes.append(Mode(rest, self._rest(), meaning="F lies within the jump"))
+                flow = self._rest(*self._beside(k))
+                modes.append(Mode(rest, flow, meaning="F lies within the jump"))
                 on = {self.x: self._made(f"0.0 * s.{self.x} + ({self._edge(edge)})")}
                 for place, way in ((k + 1, 1), (k, -1)):
                     transitions.append(
@@ -130,9 +138,12 @@ class Builder:
             low, high = (int(np.searchsorted(edges, x, side=side)) for side in ("left", "right"))
             if low == high or v > 0 or (v == 0 and push[high](t, s, p) > 0):
                 return self._name(1, high)
-            if v < 0 or push[low](t, s, p) < 0 or low not in jumps:
+            if v < 0 or push[low](t, s, p) < 0:
                 return self._name(1, low)
-            return self._rest_name(low)
+            for k in range(low, high):  # several break points at one place: the jump that holds it
+                if k in jumps and push[k](t, s, p) >= 0 >= push[k + 1](t, s, p):
+                    return self._rest_name(k)
+            return self._name(1, high)
 
         return modes, transitions, first
 
@@ -170,7 +181,8 @@ class Builder:
                         label=f"off to the {'right' if way > 0 else 'left'}",
                     )
                 )
-        modes.append(Mode(rest, self._rest(), meaning="F lies within the loop"))
+        flow = self._rest(*(self._nested(branch) for _, branch in self.made.branches))
+        modes.append(Mode(rest, flow, meaning="F lies within the loop"))
         push = {
             way: [self._made(self._push(way, k)) for k in range(len(branch.pieces))]
             for way, branch in self.made.branches
@@ -243,11 +255,10 @@ class Builder:
         }
         if made.hysteresis:
             up, down = (self._nested(branch) for _, branch in made.branches)
-            found["at rest"] = self._balance(up, down)
+            found["at rest"] = self._made(self._balance(up, down))
         else:
             for k in self._jumps():
-                left, right = (value(piece) for piece in made.rising.pieces[k : k + 2])
-                found[self._rest_name(k)] = self._balance(right, left)
+                found[self._rest_name(k)] = self._made(self._balance(*self._beside(k)))
         return found
 
     def _nested(self, branch: Branch) -> str:
@@ -257,11 +268,15 @@ class Builder:
             text = f"({self._value(piece)} if s.{self.x} < {self._edge(edge)} else {text})"
         return text
 
-    def _balance(self, one: str, two: str) -> Callable:
-        """The F between two values at which the law, linear in F, has no acceleration."""
+    def _beside(self, k: int) -> tuple[str, str]:
+        """The texts of F right and left of a break point."""
+        left, right = (self._value(piece) for piece in self.made.rising.pieces[k : k + 2])
+        return right, left
+
+    def _balance(self, one: str, two: str) -> str:
+        """The text of the F at which the law, linear in F, has no acceleration."""
         if self.law is None:
-            return self._made(f"0.5 * ({one} + {two})")
+            return f"(0.5 * ({one} + {two}))"
         law = "law(t, s, p, {})[1]"
         a, b = law.format(one), law.format(two)
-        text = f"({one} if {a} == {b} else {one} - {a} * ({two} - {one}) / ({b} - {a}))"
-        return self._made(text)
+        return f"({one} if {a} == {b} else {one} - {a} * ({two} - {one}) / ({b} - {a}))"

@@ -431,3 +431,94 @@ def test_formula_picture_and_symbol(kind):
     assert np.abs(made.symbol(p)).max() == pytest.approx(1.0)
     fig = made.picture(p)
     assert len(fig.axes[0].lines) == 1 + made.hysteresis
+
+
+# ---- found by who tried to break it
+
+
+def test_other_states_go_on_at_rest_with_the_force_that_holds_the_body():
+    def with_filter(t, s, p, F):
+        return s.v, p.h - F, F - s.z
+
+    made = characteristic("relay").modes(with_filter, ("x", "v", "z"))
+    start = {"x": 0.0, "v": 0.0, "z": 0.0}
+    system = System("filter", dict.fromkeys("xvz", ""), {"K": 1.0, "h": 0.3}, **made, start=start)
+    for backend in ("plain", "compiled"):
+        run = simulate(system, 5.0, backend=backend)
+        assert run.final["z"] == pytest.approx(0.3 * (1 - math.exp(-5)), abs=1e-8)
+
+    def coupled(t, s, p, F):
+        return s.v, 0.5 * t + 0.5 * s.z - F, F - s.z
+
+    made = characteristic("relay").modes(coupled, ("x", "v", "z"))
+    system = System("coupled", dict.fromkeys("xvz", ""), {"K": 1.0}, **made, start=start)
+    right = brentq(lambda t: t - 1 + math.exp(-t / 2), 0.5, 3.0)
+    assert simulate(system, 5.0, rtol=1e-10).events[0].t == pytest.approx(right, abs=1e-7)
+
+
+def test_break_points_at_one_place_rest_on_the_jump_that_holds():
+    made = characteristic("relay with dead zone")
+    system = System(
+        "no zone",
+        {"x": "", "v": ""},
+        {"K": 1.0, "h": 0.5, "a": 0.0},
+        **made.modes(lambda t, s, p, F: (s.v, p.h - F)),
+        start={"x": 0.0, "v": 0.0},
+    )
+    for h, mode in ((0.5, "rest at a"), (-0.5, "rest at -a")):
+        run = simulate(system, 3.0, h=h)
+        assert set(run.mode) == {mode} and not run.events
+
+
+def test_points_that_meet_but_for_rounding_make_no_jump():
+    made = from_points([(-0.7, -0.9), (0.1, 0.3), (0.4, 0.35), (1.3, 2.7)])
+    names = [mode.name for mode in made.modes(law)["modes"]]
+    assert len(names) == 5 and not any(name.startswith("rest") for name in names)
+
+
+def test_the_potential_does_not_cancel_and_sharp_bends_are_met():
+    assert from_points([(1e9, 0), (1e9 + 1, 1)]).potential(1e9 + 1) == pytest.approx(0.5)
+    p = {"a": 1e6, "b": 1e-3, "K": 1.0}
+    slope = characteristic("dead zone with saturation").potential(1e6 + 1e-3, p)
+    assert slope == pytest.approx(5e-4, rel=1e-6)
+    smooth = characteristic("smooth relay").potential(2.0, {"K": 1.0, "alpha": 1e-9})
+    assert smooth == pytest.approx(4e-9 / pi, rel=1e-9)
+    ideal = 4 / (pi * 2.0) * math.sqrt(1 - 0.25**2)
+    sharp = characteristic("smooth relay with dead zone")
+    found = sharp.describing(2.0, {"K": 1.0, "a": 0.5, "alpha": 1e6}).real
+    assert found == pytest.approx(ideal, rel=1e-5)
+
+
+def test_a_formula_keeps_its_names():
+    made = characteristic("relay", K="exp(1)*c")
+    assert made.parameters == {"c"} and made(1.0, {"c": 2.0}) == pytest.approx(2 * math.e)
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: characteristic(["relay"]), "no characteristic"),
+        (lambda: characteristic("relay", K="1/0"), "divides by zero"),
+        (lambda: characteristic("relay", K="K^2"), "no formula"),
+        (lambda: characteristic("relay", K="atan(1, 2)"), "of one number"),
+        (lambda: characteristic("relay", K="'abc'"), "no formula"),
+        (lambda: characteristic("relay", K=None), "neither a number"),
+        (lambda: characteristic("relay", K=math.nan), "neither a number"),
+        (lambda: characteristic("relay", K="x"), "x is the input"),
+        (lambda: characteristic("relay")("a", {"K": 1.0}), "number or an array"),
+        (lambda: characteristic("relay")(1.0, {"K": "a"}), "no value"),
+        (lambda: characteristic("relay").describing("1", {"K": 1.0}), "amplitude"),
+        (lambda: characteristic("relay").describing(math.inf, {"K": 1.0}), "amplitude"),
+        (lambda: characteristic("relay").modes(law, ("x",)), "names the input and its rate"),
+        (lambda: characteristic("saturation").check({"K": 1.0, "a": 0.0}), "has no value"),
+        (
+            lambda: characteristic("relay with hysteresis", memory=True).describing(
+                0.3, {"K": 1.0, "a": 0.4}
+            ),
+            "does not reach the break points",
+        ),
+    ],
+)
+def test_more_that_makes_no_sense(make, words):
+    with pytest.raises(ModelError, match=words):
+        make()

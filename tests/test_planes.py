@@ -136,3 +136,35 @@ def test_a_centre_closes_its_curves():
     curves, starts = flow_lines(canonical("centre", 1), 2.0)
     pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
     assert np.allclose(pieces[:, 0], pieces[:, -1], atol=1e-9)
+
+
+def test_the_plane_is_named_by_its_states_and_forbidden_is_said_where_it_is_seen():
+    def head_of(view):
+        legend = view.axes[1].get_legend()
+        return view.axes[1].get_title("left"), [text.get_text() for text in legend.get_texts()]
+
+    Lambda, S = CASES["node"]
+
+    def parts(p):
+        return Lambda, S
+
+    run = run_of(Lambda, S)
+    assert head_of(planes(run, parts)) == ("s-plane: after S", ["simulated"])
+    far = {"s1": (None, 7)}  # the picture ends at 5, and follows the equilibrium to 10
+    view = planes(run, parts, allowed=far)
+    assert head_of(view) == ("s-plane: after S", ["simulated"])
+    view.update(run_of(Lambda, S, (6.0, 0.5)))
+    assert head_of(view) == ("s-plane", ["simulated", "forbidden"])
+    view.update(run)
+    assert head_of(view) == ("s-plane: after S", ["simulated"])
+    circuit = System(
+        "circuit",
+        {"i": "A", "v": "V"},
+        {},
+        [Mode("ring", lambda t, s, p: (s.v - s.i, -s.i))],
+        start={"i": 1.0, "v": 0.0},
+    )
+    run = simulate(circuit, 2.0, backend="plain")
+    own = [[-1.0, 1.0], [-1.0, 0.0]]
+    view = planes(run, lambda p: (np.array(own), matrix_a((0, 0), (1, 0))))
+    assert head_of(view)[0] == "($i$, $v$)-plane: after S"

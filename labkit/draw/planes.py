@@ -20,7 +20,7 @@ from ..model import ModelError, unambiguous
 from ..run import Run
 from ..show import split_name
 from ..similarity import Similarity
-from .figure import COLORS, FAINT, INK, figure, head, label, style, tint
+from .figure import COLORS, FAINT, INK, figure, head, label, style, symbol, tint
 from .view import Shows, View
 
 __all__ = ["Planes", "arrow_heads", "flow_lines", "planes"]
@@ -101,19 +101,13 @@ class Planes(View):
         self.shows = [Shows(self.axes[1], first, (second,))]
         Lambda = self.parts(run.p)[0]
         single = eigenlines(Lambda) and not _star(Lambda)
-        shaded = self._shade(allowed)
-        entries = [(self._sides[1].run, "simulated")]
-        entries += [(shaded, "forbidden")] if shaded else []
+        self._bands = self._shade(allowed)
         with style():
             head(
                 self.axes[0],
                 "z-plane: canonical",
                 [(self._sides[0].eigen, "eigenvectors")] if single else [],
             )
-            letter = split_name(first)[0]
-            letter = f"${letter}$" if letter.startswith("\\") else letter
-            # beside two entries there is no room for more words
-            head(self.axes[1], f"{letter}-plane" + ("" if shaded else ": after S"), entries)
             units = {self.system.unit(name) for name in (first, second)}
             of_z = f" [{units.pop()}]" if len(units) == 1 and units != {""} else ""
             self.axes[0].set(xlabel=f"$z_1${of_z}", ylabel=f"$z_2${of_z}")
@@ -123,9 +117,11 @@ class Planes(View):
             ax.grid(False)
         self.update(run)
 
-    def _shade(self, allowed: Mapping[str, tuple[float | None, float | None]]) -> Patch | None:
-        """Bands over what the model forbids, in the s-plane; the last of them, for the legend."""
-        band = None
+    def _shade(
+        self, allowed: Mapping[str, tuple[float | None, float | None]]
+    ) -> list[tuple[int, float, float, Patch]]:
+        """Bands over what the model forbids, in the s-plane: (axis, from, to, patch)."""
+        bands = []
         for name, ends in allowed.items():
             if name not in self.system.states:
                 raise ModelError(
@@ -135,8 +131,27 @@ class Planes(View):
             draw = (self.axes[1].axvspan, self.axes[1].axhspan)[across]
             for end, far in zip(ends, (-1e4, 1e4), strict=True):
                 if end is not None:
-                    band = draw(end, end + far, color=tint(FAINT, 0.3), linewidth=0, zorder=0.5)
-        return band
+                    patch = draw(end, end + far, color=tint(FAINT, 0.3), linewidth=0, zorder=0.5)
+                    bands.append((across, *sorted((end, end + far)), patch))
+        return bands
+
+    def _head(self) -> None:
+        """Title and legend of the s-plane; "forbidden" only where something shaded is in sight."""
+        limits = (self.axes[1].get_xlim(), self.axes[1].get_ylim())
+        shaded = [
+            (patch, "forbidden")
+            for across, low, high, patch in self._bands
+            if low < limits[across][1] and high > limits[across][0]
+        ][:1]
+        letters = [split_name(name)[0] for name in self.system.states]
+        if letters[0] == letters[1]:  # s1, s2
+            plane = f"${letters[0]}$" if letters[0].startswith("\\") else letters[0]
+        else:
+            plane = "({}, {})".format(*map(symbol, self.system.states))
+        # beside two entries there is no room for more words
+        title = f"{plane}-plane" + ("" if shaded else ": after S")
+        with style():
+            head(self.axes[1], title, [(self._sides[1].run, "simulated"), *shaded])
 
     def update(self, run: Run) -> None:
         A, b = affine(run.system, run.p, run.start)
@@ -177,6 +192,7 @@ class Planes(View):
                 self.axes, self.reach, ((0.0, 0.0), self._center), strict=True
             ):
                 ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
+            self._head()
 
     def _flag(self, S: np.ndarray) -> float:
         """How large the F is in the z-plane.
