@@ -43,6 +43,7 @@ class Control:
     options: tuple[str, ...] = ()
     only: str = ""  # shown with "fixed" or with "adaptive" methods only
     base: float = 0.0
+    apart: bool = False  # of models that begin with different values
 
     @property
     def ends(self) -> tuple[float | str, ...]:

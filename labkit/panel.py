@@ -95,7 +95,10 @@ class Panel(anywidget.AnyWidget):
     ):
         self.title, self.controls, self.compute, self.verdict = title, controls, compute, verdict
         self.run, self.presets, self.first_run = run, dict(presets or {}), run
-        self.defaults = {control.key: control.value for control in controls}
+        self.defaults = {
+            control.key: Own(control.value) if control.apart else control.value
+            for control in controls
+        }
         self.values, self.figure = dict(self.defaults), view.figure
         self.size, self.png = view.figure.css_size, view.figure.png()
         # What follows is on the screen only: handles for the start in each plane, cursor, held run,
@@ -203,12 +206,12 @@ class Panel(anywidget.AnyWidget):
         run, said = self.run, []
         system = run.system
         for name, made in system.parameters.items():
-            if (value := getattr(run.p, name)) != made.value:
+            if (value := getattr(run.p, name)) != made.value or self._shared(f"p.{name}"):
                 said.append(f"{name}={_written(value)}")
         first = [
             f'"{name}": {_written(value)}'
             for name, value in run.start.items()
-            if value != system.start.get(name)
+            if value != system.start.get(name) or self._shared(f"start.{name}")
         ]
         said += ["start={" + ", ".join(first) + "}"] if first else []
         values = self.values
@@ -230,6 +233,10 @@ class Panel(anywidget.AnyWidget):
         ]
         line = f"explore({', '.join([name, end, *filter(None, said)])})"
         return line + (f"  # {', '.join(chosen)}" if chosen else "")
+
+    def _shared(self, key: str) -> bool:
+        """Whether models that begin with different values have been given one."""
+        return isinstance(self.defaults.get(key), Own) and not isinstance(self.values[key], Own)
 
     # -- what the browser asks for -----------------------------------------------------------------
 
@@ -521,6 +528,18 @@ class Panel(anywidget.AnyWidget):
         return f"Saved {path}"
 
 
+class Own(float):
+    """What a slider shows while models that differ in it keep each its own; equal to no number."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Own) and float(self) == float(other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = float.__hash__
+
+
 @unambiguous
 def explore(
     system: System | Mapping[str, System],
@@ -557,8 +576,8 @@ def explore(
     options   what else simulate takes (points=…, rtol=…, mode=…) and values of parameters
 
     Of several models, draw and verdict get name -> Run. A parameter or start value that models
-    have in common has one slider; where their defaults differ, each keeps its own as long as the
-    slider stands where it began, and all take the slider's value as soon as it is moved.
+    have in common has one slider; where their defaults differ, each keeps its own until the slider
+    is moved or a preset names it, and then all take that value.
 
     Raises ModelError for a name that no system has, for parameters of one name with different
     units or ranges, and whatever the default run or picture raises. With LABKIT_CHECK=1 in the
@@ -568,6 +587,11 @@ def explore(
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
     given = start if isinstance(start, Mapping) else {}
+    if unknown := [name for name in given if several and name not in whole.units]:
+        raise ModelError(
+            f"start names {listed(unknown)}, which none of {whole.name} has; there are "
+            f"{listed(whole.units)}"
+        )
     begins = {
         label: {**one.start, **{k: v for k, v in given.items() if not several or k in one.units}}
         for label, one in models.items()
@@ -590,16 +614,11 @@ def explore(
     }  # what a choice sets has no slider
     if several and "system" in taken:
         raise ModelError("choices cannot choose a system where several are shown already")
-    defaults: dict[str, Any] = {}  # of the sliders, by key: of models that differ, the first one's
-    for label in models:
-        for group, values in (("p", ps[label]), ("start", begins[label])):
-            defaults = {f"{group}.{name}": value for name, value in values.items()} | defaults
 
     def own(values: Mapping[str, Any], group: str, mine: Mapping[str, float]) -> dict[str, float]:
-        """The model's own values, but for sliders that were moved."""
-        keys = {name: f"{group}.{name}" for name in mine}
-        moved = {n: values[k] for n, k in keys.items() if values.get(k, defaults[k]) != defaults[k]}
-        return {**mine, **moved}
+        """The model's own values, but for those that all models were given."""
+        found = {name: values.get(f"{group}.{name}", value) for name, value in mine.items()}
+        return {n: mine[n] if isinstance(value, Own) else value for n, value in found.items()}
 
     def compute(values: Mapping[str, Any]) -> Any:
         chosen: dict[str, Any] = {
@@ -662,6 +681,7 @@ def explore(
                 continue
             same.low, same.high = min(same.low, control.low), max(same.high, control.high)
             if same.value != control.value and same.kind != "select":
+                same.apart = True
                 apart = f"by default {same.value:g}, in {label} {control.value:g}"
                 same.meaning = f"{same.meaning} ({apart})".strip()
     order = ("parameters", "start", "algorithm")
@@ -703,7 +723,7 @@ def _sliders_of(system: System, sliders: object, whole: Merged) -> object:
 def _presets(
     presets: Mapping[str, Mapping[str, object]], system: System, controls: list[Control]
 ) -> dict[str, dict]:
-    """Values by control key. Raises ModelError for a name that no control and no parameter has."""
+    """Values by control key. Raises ModelError for an unknown name and a wrong value."""
     keys = {
         control.key.removeprefix("start.").removeprefix("p.").removeprefix("choice."): control.key
         for control in controls
@@ -723,6 +743,20 @@ def _presets(
                 f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not "
                 f"have; there are {listed(keys)}"
             )
+        for name, value in values.items():
+            what = f"{name!r} of preset {preset!r}"
+            options = next((c.options for c in controls if c.key == keys[name]), ())
+            if options and value not in options:
+                raise ModelError(f"{what} must be one of {listed(options)}, not {value!r}")
+            if options:
+                continue
+            number(value, what)
+            for one in getattr(system, "systems", {"": system}).values():
+                if keys[name] == f"p.{name}" and name in one.parameters:
+                    try:
+                        one.values({name: value})
+                    except ModelError as error:
+                        raise ModelError(f"preset {preset!r}: {error}") from None
     return {
         preset: {keys[name]: value for name, value in values.items()}
         for preset, values in presets.items()

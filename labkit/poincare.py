@@ -5,7 +5,7 @@ section(run, 2 * pi)["x"]; section(run, lambda t, s, p: s.v, direction=1).t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,10 +47,13 @@ def section(
 
     where      a period: the states at the start, one period later, … (after events there); or a
                function g(t, s, p): the states where it passes zero along the flow, rising
-               (direction 1), falling (-1) or both (0), located on the polynomials of the steps.
-               A jump of the state across it is no point; at an event the state is that before it
+               (direction 1), falling (-1) or both (0), located on the polynomials of the steps
     since      points before this time are left out
 
+    At an event: where the flow before it comes to zero there is one point, a fall if it comes from
+    above, with the state before the event; a jump of the state across zero is none. A start on
+    the section is a point, a rise if it goes up, and so is an end on it; a touch of zero between
+    events is none.
     Two zeros within an eighth of a step are missed: then simulate with a smaller max_step.
     Raises ModelError for a period that is not positive, and as run.at does.
     """
@@ -70,36 +73,58 @@ def section(
 
 
 def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
-    """Where g passes zero along the flow: in parts of steps at whose ends its sign differs."""
-    system, pieces = run.system, run._pieces
-    modes, width, held = list(system.modes), system.width, len(system.held)
-    # an event cuts a step short: its polynomial holds up to where the next one begins
-    ends = np.minimum(np.append(pieces[1:, 0], run.t[-1]), pieces[:, 0] + pieces[:, 1])
-    lasts = (ends - pieces[:, 0]) / pieces[:, 1]
+    """Where g comes from one side to the other along the flow, or to zero at an event."""
+    system, width, held = run.system, run.system.width, len(run.system.held)
+    # as run.at reads them, each polynomial holds up to where the next one begins
+    ends = np.append(run._pieces[1:, 0], run.t[-1])
+    lasts = (ends - run._pieces[:, 0]) / run._pieces[:, 1]
+    pieces, lasts, ends = (what[lasts > 0] for what in (run._pieces, lasts, ends))
+    modes = list(system.modes)
     kinds = {mode: (system.S[mode], list(system.places(mode).values())) for mode in modes}
-    found = []
-    for piece, last in zip(pieces, lasts.tolist(), strict=True):
-        if last <= 0:
-            continue
-        theta = np.linspace(0, last, PARTS + 1)
+
+    def function(piece: np.ndarray) -> Callable[[float], float]:
         kind, places = kinds[modes[int(piece[2])]]
 
-        def value(x: float, piece=piece, kind=kind, places=places) -> float:
+        def value(x: float) -> float:
             y, _ = between(piece[None], np.array([x]), width, held)
             t = piece[0] + x * piece[1]
             return float(g(t, kind(*y[0, places].tolist()), run.p))  # type: ignore[arg-type]
 
-        values = np.array([value(x) for x in theta])
-        steep = np.abs(np.diff(values)).max() * PARTS / (last * piece[1])
-        beyond = values > ZERO * np.abs(values).max() + 4 * EPS * abs(piece[0] + piece[1]) * steep
-        for k in np.flatnonzero(beyond[1:] != beyond[:-1]):
-            rises = bool(beyond[k + 1])
-            if direction and rises != (direction > 0):
+        return value
+
+    functions = [function(piece) for piece in pieces]
+    thetas = [np.linspace(0, last, PARTS + 1) for last in lasts.tolist()]
+    values = [np.array([f(x) for x in xs]) for f, xs in zip(functions, thetas, strict=True)]
+    slack = np.zeros((len(pieces), PARTS + 1))  # what counts as zero
+    for k, (piece, found) in enumerate(zip(pieces, values, strict=True)):
+        steep = np.abs(np.diff(found)).max() * PARTS / (lasts[k] * piece[1])
+        slack[k] = ZERO * np.abs(found).max() + 4 * EPS * abs(piece[0] + piece[1]) * steep
+    # both sides of an instant are measured alike
+    slack[1:, 0] = slack[:-1, -1] = np.maximum(slack[1:, 0], slack[:-1, -1])
+    events = {*(event.t for event in run.events), float(run.t[-1])}
+    points, start = [], True  # (t, whether it rises)
+    side, last, zero = 0.0, (0, 0), None  # the side g was on, at which node, where it became zero
+    for k, (piece, f, theta, found) in enumerate(
+        zip(pieces, functions, thetas, values, strict=True)
+    ):
+        signs = np.where(np.abs(found) <= slack[k], 0.0, np.sign(found))
+        for i, sign in enumerate(signs.tolist()):
+            when = piece[0] + theta[i] * piece[1]
+            if sign == 0:
+                zero = when if zero is None else zero
                 continue
-            a, b = theta[k], theta[k + 1]
-            if values[k] * values[k + 1] < 0:
-                a = brentq(value, a, b, xtol=1e-15)
-            elif not rises:  # it ends at zero, to rounding
-                a = b
-            found.append(piece[0] + a * piece[1])
-    return np.array(found, dtype=float)
+            if start and zero is not None:
+                points.append((run.t[0], sign > 0))
+            start = False
+            if side * sign < 0:
+                if last[0] == k:
+                    when = piece[0] + piece[1] * brentq(f, theta[last[1]], theta[i], xtol=1e-15)
+                points.append((when if zero is None or last[0] == k else zero, sign > 0))
+            side, last, zero = sign, (k, i), None
+        if float(ends[k]) in events:
+            start = False
+            if zero is not None and side:
+                points.append((ends[k], side < 0))
+            side, zero = 0.0, None  # what comes after has a side of its own
+    wanted = {0: (True, False), 1: (True,), -1: (False,)}[direction]
+    return np.array([t for t, rises in points if rises in wanted], dtype=float)

@@ -23,6 +23,7 @@ LINEAR = 1e-8  # how far a map may be from an affine one to be called linear
 TURNS = 40  # the most steps of Newton's method
 GOAL = 1e-9  # how well a cycle closes, of the size of its states
 REST = 1e-4  # of the size at the start: what is smaller has come to rest
+STILL = 1e-7  # of the size of a state: what moves less in a period does not move
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -263,7 +264,11 @@ def _newton(flow: Flow, g: Function | None, begin: Mapping[str, float], period: 
             "Start nearer to the cycle, or let it settle=… longer if it is stable; a system that "
             "the clock does not drive needs a section instead of a period"
         )
-    if g is not None and np.all(_sizes(run, flow) <= REST * first):
+    sizes = _sizes(run, flow)
+    still = np.array([np.ptp(run[name]) for name in flow.names]) <= STILL * np.maximum(
+        sizes, REST * first
+    )
+    if np.all(still) or (g is not None and np.all(sizes <= REST * first)):
         raise ModelError(f"what was found is at rest, not a cycle: {_words(run)}")
     if g is not None:
         again = flow.run(x, 2 * T)

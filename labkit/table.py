@@ -130,9 +130,9 @@ class Table:
 def prefixed(size: float, unit: str) -> tuple[float, str]:
     """prefixed(1e-4, "s") -> (1e-6, "µs"): what to divide by, and the unit with its prefix.
 
-    (1.0, unit) for sizes of 0.01 … 10,000, and where the unit takes no prefix (kg, °C, m²).
+    (1.0, unit) for sizes of 0.01 … 10,000, and where the unit takes no prefix (kg, °C, m², m**2).
     """
-    first = re.split(r"[/·*]", unit)[0]
+    first = re.split(r"[/·]|(?<!\*)\*(?!\*)", unit)[0]  # m**2 stays whole: (µm)² is no millionth
     if first not in BASES or not 0 < size < math.inf or PLAIN[0] <= size < PLAIN[1]:
         return 1.0, unit
     place = min(max(math.floor(math.log10(size) / 3 + 1e-9), -5), 4)

@@ -14,6 +14,7 @@ from labkit import (
     Parameter,
     System,
     Transition,
+    characteristic,
     monodromy,
     periodic,
     section,
@@ -28,6 +29,7 @@ def plain(name, flow, start, **parameters):
 
 
 damped = plain("damped", lambda t, s, p: (s.v, -2 * p.d * s.v - s.x), {"x": 1.0, "v": 0.0}, d=0.1)
+lifted = plain("lifted", lambda t, s, p: (s.v, 5.0 - s.v - s.x), {"x": 1.0, "v": 0.0})
 vdp = plain(
     "van der Pol",
     lambda t, s, p: (s.v, p.mu * (1 - s.x**2) * s.v - s.x),
@@ -41,6 +43,24 @@ mathieu = plain(
     a=1.0,
     q=0.3,
     c=0.0,
+)
+
+bouncer = System(
+    "ball",
+    {"y": "m", "v": "m/s"},
+    {"e": 0.5},
+    [Mode("flight", lambda t, s, p: (s.v, -10.0))],
+    [
+        Transition(
+            "flight",
+            "flight",
+            lambda t, s, p: s.y,
+            -1,
+            reset=lambda t, s, p: (0.0, -p.e * s.v),
+            label="bounce",
+        )
+    ],
+    start={"y": 5.0, "v": 0.0},
 )
 
 
@@ -59,13 +79,13 @@ def test_zeros_of_a_swing():
     w = math.sqrt(0.99)
     run = simulate(damped, 30.0, rtol=1e-12)
     tops = section(run, at_rest, direction=-1)  # v falls through zero at the tops
-    np.testing.assert_allclose(tops.t, 2 * np.pi / w * np.arange(1, 5), rtol=1e-10)
+    np.testing.assert_allclose(tops.t, 2 * np.pi / w * np.arange(5), rtol=1e-10)
     np.testing.assert_allclose(tops["x"], np.exp(-0.1 * tops.t), rtol=1e-9)
     both = section(run, at_rest, since=1.0)
     np.testing.assert_allclose(both.t, np.pi / w * np.arange(1, 10), rtol=1e-10)
-    assert set(tops["mode"]) == {"m"} and len(tops) == 4 and "4 points" in repr(tops)
+    assert set(tops["mode"]) == {"m"} and len(tops) == 5 and "5 points" in repr(tops)
     bottoms = section(run, at_rest, direction=1)
-    assert sorted([*tops.t, *bottoms.t]) == pytest.approx(list(both.t))
+    assert sorted([*tops.t[1:], *bottoms.t]) == pytest.approx(list(both.t))
 
 
 def test_once_a_period():
@@ -77,32 +97,72 @@ def test_once_a_period():
 
 
 def test_a_jump_is_no_point_and_a_guard_s_own_zero_is_one():
-    ball = System(
-        "ball",
-        {"y": "m", "v": "m/s"},
-        {"e": 0.5},
-        [Mode("flight", lambda t, s, p: (s.v, -10.0))],
-        [
-            Transition(
-                "flight",
-                "flight",
-                lambda t, s, p: s.y,
-                -1,
-                reset=lambda t, s, p: (0.0, -p.e * s.v),
-                label="bounce",
-            )
-        ],
-        start={"y": 5.0, "v": 0.0},
-    )
-    run = simulate(ball, 3.2, rtol=1e-12)
+    run = simulate(bouncer, 3.2, rtol=1e-12)
     bounces = run.events["bounce"].t
     assert len(bounces) >= 4
     landed = section(run, lambda t, s, p: s.y, direction=-1)
     np.testing.assert_allclose(landed.t, bounces, rtol=1e-12)
     tops = section(run, lambda t, s, p: s.v)  # the speed jumps from − to + at a bounce: no point
     middles = (bounces[1:] + bounces[:-1]) / 2
-    np.testing.assert_allclose(tops.t, middles[: len(tops)], rtol=1e-12)
-    assert len(tops) >= len(middles) - 1 and np.all(landed["v"] < 0)
+    np.testing.assert_allclose(tops.t, [0.0, *middles][: len(tops)], rtol=1e-12)
+    assert len(tops) >= len(middles) and np.all(landed["v"] < 0)
+
+
+def sections(run, g):
+    """Points of g and of −g: rising, falling, both; those of −g must be the same."""
+
+    def mirrored(t, s, p):
+        return -g(t, s, p)
+
+    up, down, both = (section(run, g, direction).t for direction in (1, -1, 0))
+    np.testing.assert_array_equal(section(run, mirrored, -1).t, up)
+    np.testing.assert_array_equal(section(run, mirrored, 1).t, down)
+    np.testing.assert_array_equal(section(run, mirrored).t, both)
+    np.testing.assert_array_equal(np.sort([*up, *down]), both)
+    return up, down, both
+
+
+def test_a_section_that_is_a_guard_and_its_mirror_image():
+    run = simulate(bouncer, 3.2, rtol=1e-12)
+    bounces = run.events["bounce"].t
+    assert len(bounces) >= 4
+    up, down, _ = sections(run, lambda t, s, p: s.y)
+    np.testing.assert_array_equal(up, [])  # it leaves the ground by an event, not by its flow
+    np.testing.assert_allclose(down, bounces, rtol=1e-12)
+    up, down, _ = sections(run, lambda t, s, p: s.v)  # the start, v = 0, is the first top
+    np.testing.assert_array_equal(up, [])
+    middles = (bounces[1:] + bounces[:-1]) / 2
+    np.testing.assert_allclose(down, [0.0, *middles][: len(down)], rtol=1e-12)
+
+
+def test_a_start_and_an_end_on_the_section_are_points_and_a_touch_is_none():
+    swing = plain("swing", lambda t, s, p: (s.v, -s.x), {"x": 1.0, "v": 0.0})
+    run = simulate(swing, 8.0, rtol=1e-12)
+    up, down, _ = sections(run, at_rest)
+    np.testing.assert_allclose(up, [math.pi], rtol=1e-10)
+    np.testing.assert_allclose(down, [0.0, 2 * math.pi], rtol=1e-10)
+    assert not len(sections(run, lambda t, s, p: 0.0)[2])
+    straight = simulate(plain("straight", lambda t, s, p: (1.0,), {"x": -1.0}), 1.0)
+    up, down, _ = sections(straight, at_zero)
+    assert list(up) == [1.0] and not len(down)
+    assert not len(sections(straight, lambda t, s, p: s.x**2)[0])
+
+
+@pytest.mark.parametrize("x", np.linspace(1, 3, 8))
+def test_every_stop_of_a_pendulum_with_hysteresis_is_a_zero_of_its_speed(x):
+    relay = characteristic("relay with hysteresis")
+    pendulum = System(
+        "pendulum",
+        {"x": "", "v": ""},
+        {"K": 1.0, "a": 0.4},
+        **relay.modes(lambda t, s, p, F: (s.v, -F - 0.5 * s.v)),
+        start={"x": float(x), "v": 0.0},
+    )
+    run = simulate(pendulum, 20.0, method="RK45", rtol=1e-6)
+    stops = run.events["stop"].t
+    assert len(stops) >= 5
+    _, _, both = sections(run, at_rest)
+    np.testing.assert_allclose(both, [0.0, *stops[stops > 0]], rtol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -381,6 +441,8 @@ def test_a_start_on_a_guard_is_moved_to_a_flight():
         (lambda: periodic(vdp, -1.0), "the period must be positive, not -1"),
         (lambda: periodic(vdp, at_zero, horizon=1.0), "crosses the section 0 times, but 3"),
         (lambda: periodic(damped, at_zero, horizon=90.0), "is at rest, not a cycle"),
+        (lambda: periodic(damped, 3.0), "is at rest, not a cycle"),
+        (lambda: periodic(lifted, 3.0), "is at rest, not a cycle: x = 5, v = "),
         (lambda: periodic(vdp, 5.0), "no cycle was found"),
         (lambda: periodic(vdp, at_zero, horizon=9.0, nu=1.0), "'nu' is not a parameter"),
         (lambda: monodromy(mathieu, 1.0, nu=1.0), "'nu' is not a parameter"),
@@ -393,6 +455,14 @@ def test_a_start_on_a_guard_is_moved_to_a_flight():
 def test_what_is_no_cycle_is_said(call, words):
     with pytest.raises(ModelError, match=words):
         call()
+
+
+def test_a_small_answer_to_a_small_force_is_a_cycle():
+    driven = plain(
+        "driven", lambda t, s, p: (s.v, 1e-6 * math.cos(t) - s.v - s.x), {"x": 1.0, "v": 0.0}
+    )
+    cycle = periodic(driven, 2 * math.pi)
+    assert cycle.at(math.pi / 2)["x"] == pytest.approx(1e-6, rel=1e-5)
 
 
 def test_a_driven_system_needs_its_period():

@@ -670,10 +670,19 @@ def test_presets(hands, monkeypatch):
     assert answer["values"]["p.omega0"] == 2.0 and hands.panel.run.p.delta == 0.0
     with pytest.raises(ModelError, match="preset 'a' names 'q'"):
         explore(oscillator(), 10.0, curves, presets={"a": {"q": 1.0}})
+    for values, words in [
+        ({"delta": 9.0}, "preset 'a': .*outside its range"),
+        ({"delta": "abc"}, "'delta' of preset 'a' must be a number"),
+        ({"x": math.nan}, "'x' of preset 'a' must be finite"),
+        ({"rtol": "fine"}, "'rtol' of preset 'a' must be a number"),
+        ({"method": "Euler's"}, "'method' of preset 'a' must be one of"),
+    ]:
+        with pytest.raises(ModelError, match=words):
+            explore(oscillator(), 10.0, curves, presets={"a": values})
     monkeypatch.setenv("LABKIT_CHECK", "1")
-    with pytest.raises(ModelError, match="outside its range") as caught:
-        explore(oscillator(), 10.0, curves, presets={"too much": {"delta": 9.0}})
-    assert "preset 'too much'" in caught.value.__notes__[0]
+    with pytest.raises(ModelError) as caught:
+        explore(oscillator(), 10.0, curves, presets={"too fine": {"rtol": -1.0}})
+    assert "preset 'too fine'" in caught.value.__notes__[0]
 
 
 def test_a_mechanism_moves_with_the_cursor_and_redraws_nothing_else():

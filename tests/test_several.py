@@ -103,10 +103,22 @@ def test_what_differs_by_default_stays_each_its_own_until_its_slider_is_moved():
     panel._set({"values": {"p.k": 4.0}})
     assert [run.p.k for run in panel.run.values()] == [4.0, 4.0]
     assert [run.start["x"] for run in panel.run.values()] == [1.0, 2.0]
-    panel._set({"values": {"p.k": 2.0}})  # where it began
-    assert [run.p.k for run in panel.run.values()] == [2.0, 3.0]
+    panel._set({"values": {"p.k": 2.0}})  # moved, to where it began
+    assert [run.p.k for run in panel.run.values()] == [2.0, 2.0] and "k=2.0" in panel.code()
+    panel._set({"values": {}, "reset": True})
+    assert [run.p.k for run in panel.run.values()] == [2.0, 3.0] and "k=" not in panel.code()
     given = explore(pair, 5.0, k=5.0, **PLAIN)
     assert [run.p.k for run in given.run.values()] == [5.0, 5.0]
+
+
+def test_a_preset_is_for_all_models_also_with_the_default_of_one():
+    pair = {"soft": oscillator(), "hard": oscillator(k=Parameter(3.0, "1/s²", "", 0.5, 6.0))}
+    panel = explore(pair, 5.0, presets={"both soft": {"k": 2.0}}, **PLAIN)
+    message = {"kind": "set", "values": panel.presets["both soft"], "reset": True}
+    panel._receive(None, message, [])
+    assert [run.p.k for run in panel.run.values()] == [2.0, 2.0]
+    panel._receive(None, {"kind": "undo"}, [])
+    assert [run.p.k for run in panel.run.values()] == [2.0, 3.0]
 
 
 @pytest.mark.parametrize(
@@ -128,6 +140,12 @@ def test_wrong_input_in_words(pair):
         explore({"a": oscillator(), "b": 3}, 5.0)
     with pytest.raises(ModelError, match="sliders names 'z', which none of plain, damped has"):
         explore(pair, 5.0, sliders=["z"], **PLAIN)
+    with pytest.raises(ModelError, match="start names 'zz', which none of plain, damped has"):
+        explore(pair, 5.0, start={"zz": 3.0}, **PLAIN)
+    for d, words in [(-1e9, "outside its range"), ("abc", "'d' of preset 'p' must be a number")]:
+        ranged = {**pair, "damped": oscillator("o", d=Parameter(0.4, "", "", 0.0, 1.0))}
+        with pytest.raises(ModelError, match=words):
+            explore(ranged, 5.0, presets={"p": {"d": d}}, **PLAIN)
     with pytest.raises(ModelError, match="cannot choose a system"):
         explore(pair, 5.0, choices={"m": {"a": {"system": oscillator()}}}, **PLAIN)
     both = {"a": oscillator(), "b": oscillator(states=("k2", "v2"), start=0.0, x=1.0)}
