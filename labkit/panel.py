@@ -188,6 +188,7 @@ class Panel(anywidget.AnyWidget):
             except Exception as error:
                 error.add_note(f"in the panel of {self.title!r}, with {words}")
                 raise
+        self._as_at_first()
         self._show(self.defaults)
         self._picture()
         self.scene.forget()  # nobody has seen this picture
@@ -276,13 +277,17 @@ class Panel(anywidget.AnyWidget):
         """A new page wants the whole picture."""
 
     def _set(self, message: dict) -> None:
-        if message.get("home"):  # all as at first, axes and cursor too
-            self.home.clear()
-            self.t = None
-            for axes, (x, y) in self.limits.items():
-                axes.set_xlim(x, auto=None)
-                axes.set_ylim(y, auto=None)
+        if message.get("home"):
+            self._as_at_first()
         self._show((self.defaults if message.get("reset") else self.values) | message["values"])
+
+    def _as_at_first(self) -> None:
+        """Axes and cursor, as before any hand."""
+        self.home.clear()
+        self.t = None
+        for axes, (x, y) in self.limits.items():
+            axes.set_xlim(x, auto=None)
+            axes.set_ylim(y, auto=None)
 
     def _keep(self) -> None:
         """A step that undo takes back: from one settled change to the next."""
