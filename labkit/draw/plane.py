@@ -470,9 +470,9 @@ def separatrices(
             return np.stack(plane.flow(mode, *there), axis=-1) / size
 
         values, vectors = np.linalg.eig(_jacobian(rates, u[None], 1e-3)[1][0])
-        if np.iscomplexobj(values):
+        if np.any(np.imag(values)):  # complex numbers without imaginary part from NumPy 2.5 on
             continue
-        for value, way in zip(values, vectors.T, strict=True):
+        for value, way in zip(np.real(values), np.real(vectors).T, strict=True):
             begin += [u + 1e-3 * way, u - 1e-3 * way]
             signs += [np.sign(value)] * 2
     if not begin:
