@@ -256,9 +256,9 @@ class Characteristic:
 
     def _on(self, branch: Branch, x: np.ndarray, p: object, side: str) -> np.ndarray:
         edges = np.array([float(number_of(text, p)) for text in branch.edges])
-        place = np.searchsorted(edges, x, side=side)
+        place = np.asarray(np.searchsorted(edges, x, side=side))
         pieces = [np.broadcast_to(number_of(text, p, x), x.shape) for text in branch.pieces]
-        return np.choose(place, pieces) if len(pieces) < 32 else np.stack(pieces)[place]
+        return np.take_along_axis(np.stack(pieces), place[None], axis=0)[0]
 
     def check(self, p: object) -> None:
         """check(p): raises ModelError, naming the points, where they make no characteristic.

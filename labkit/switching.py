@@ -38,9 +38,9 @@ class Builder:
             for way, branch in ((1, made.rising), (-1, made.falling))
         }
 
-    def _made(self, text: str, **names: Any) -> Callable:
+    def _made(self, text: str) -> Callable:
         """A function of (t, s, p) from the text of what it returns."""
-        return function(f"lambda t, s, p: {text}", law=self.law, **names)
+        return function(f"lambda t, s, p: {text}", law=self.law)
 
     def _value(self, piece: str) -> str:
         return f"({python(piece, {'x': f's.{self.x}'})})"

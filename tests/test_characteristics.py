@@ -522,3 +522,10 @@ def test_a_formula_keeps_its_names():
 def test_more_that_makes_no_sense(make, words):
     with pytest.raises(ModelError, match=words):
         make()
+
+
+def test_a_curve_of_many_points_is_as_one_of_few():
+    x = np.linspace(0.0, 4.0, 41)
+    made, between = from_points(list(zip(x, np.sin(x), strict=True))), np.linspace(-1, 5, 77)
+    assert made(between) == pytest.approx(np.interp(between, x, np.sin(x)), abs=1e-12)
+    assert made(1.0) == pytest.approx(np.interp(1.0, x, np.sin(x)))
