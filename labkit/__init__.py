@@ -26,7 +26,7 @@ _HOMES = {
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",
     "table": "Table",
-    "draw": "COLORS Handle Motion Sketch View curves figure mode_colors phase_portrait planes "
+    "draw": "COLORS Handle Motion Only Sketch View curves figure mode_colors phase_portrait planes "
     "time_plot",
     "linear": "affine borders classify eigenlines eigenvalues equilibrium error_table exact "
     "true_error",

@@ -3,6 +3,7 @@
 Boxes stand in a row, with arcs above (forward) and below (back).
 
     mode_diagram(boost)
+    mode_diagram(boost, axes=fig.axes[1])     # a View: the mode of the cursor's instant is lit
 
 In a row arcs nest and never meet a box, whatever the graph. Every label is measured and set at
 the lowest height where it meets neither another label nor another arc (in a crowd perhaps a line,
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,6 +25,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from .draw.figure import INK, Figure, figure, mode_colors, style, tint
+from .draw.view import View
 from .equations import Equations, check_system, equations
 from .model import At, Every, System, Transition
 
@@ -61,14 +64,20 @@ class _Arc:
         return -1 if self.target < self.source else 1
 
 
-def mode_diagram(system: System) -> Figure:
+def mode_diagram(system: System, axes: Axes | None = None) -> Figure | View:
     """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as arrows.
 
     The dot is the start, the ring the end. Under a transition's name stands its condition: y ↓ 0
-    means that y falls through 0. Dashed: taken when events pile up (Zeno). Raises ModelError for
-    what is no System.
+    means that y falls through 0. Dashed: taken when events pile up (Zeno).
+
+    mode_diagram(system, axes=fig.axes[1]) -> a View for the list that a panel's `draw` returns:
+    names and arrows only, and the mode of the cursor's instant is lit. An inch of height is enough.
+
+    Raises ModelError for what is no System.
     """
     check_system(system, "mode_diagram")
+    if axes is not None:
+        return _Lit(system, axes)
     with style():
         fig = figure()
         fig.set_layout_engine("none")
@@ -326,17 +335,7 @@ def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: lis
         axes.add_patch(Circle((node.x, 0), 0.15, fc="white", ec=LINE, lw=1.3, zorder=3))
         axes.add_patch(Circle((node.x, 0), 0.085, fc=LINE, ec=LINE, zorder=4))
     for arc in arcs:
-        path = Path(arc.control, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
-        axes.add_patch(
-            FancyArrowPatch(
-                path=path,
-                arrowstyle="-|>",
-                mutation_scale=11,
-                lw=1.3,
-                color=LINE,
-                ls="--" if arc.dashed else "-",
-            )
-        )
+        _draw_arc(axes, arc)
         if arc.text and arc.box:
             arc.text.set_position(((arc.box.x0 + arc.box.x1) / 2, (arc.box.y0 + arc.box.y1) / 2))
     title = axes.text(
@@ -357,3 +356,73 @@ def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: lis
     title.set_position((whole.x0 + 0.1, whole.y1 - 0.08))
     fig.set_size_inches(whole.width, whole.height)
     axes.set(xlim=(whole.x0, whole.x1), ylim=(whole.y0, whole.y1))
+
+
+def _draw_arc(axes: Axes, arc: _Arc) -> None:
+    path = Path(arc.control, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
+    axes.add_patch(
+        FancyArrowPatch(
+            path=path,
+            arrowstyle="-|>",
+            mutation_scale=11,
+            lw=1.3,
+            color=LINE,
+            ls="--" if arc.dashed else "-",
+        )
+    )
+
+
+class _Lit(View):
+    """The boxes and arrows alone, stretched over axes; the box of the present mode is filled."""
+
+    ready = False
+
+    def __init__(self, system: System, axes: Axes):
+        self.figure = axes.get_figure()
+        axes.set_axis_off()
+        keys = {name: k for k, name in enumerate(system.modes)}
+        nodes, x = [], 0.0
+        for name in keys:
+            words = _text(axes, textwrap.fill(name, 14), 10.5)
+            width = max(0.9, _size(words)[0] + 0.3)
+            nodes.append(_Node(width, 0.9, [words], x + width / 2))
+            x += width + 0.6
+        pairs = {
+            (keys[source], keys[target])
+            for tr in system.transitions
+            for source in tr.sources
+            for target in (tr.target, tr.zeno)
+            if target is not None and target != source
+        }
+        arcs = [_Arc(source, target, None) for source, target in sorted(pairs)]
+        _place_ends(nodes, arcs)
+        _place_labels(nodes, arcs)
+        self.boxes = {}
+        for (name, color), node in zip(mode_colors(system).items(), nodes, strict=True):
+            node.texts[0].set_position((node.x, 0))
+            corner = node.x - node.width / 2, -node.height / 2
+            box = FancyBboxPatch(
+                corner,
+                node.width,
+                node.height,
+                boxstyle="round,pad=0,rounding_size=0.1",
+                ec=color,
+                lw=1.6,
+                zorder=3,
+            )
+            axes.add_patch(box)
+            self.boxes[name] = box, color
+        for arc in arcs:
+            _draw_arc(axes, arc)
+        self.artists = [*(box for box, _ in self.boxes.values()), *(n.texts[0] for n in nodes)]
+        high = max([0.45, *(np.abs(arc.points[:, 1]).max() + 0.1 for arc in arcs)])
+        axes.set(xlim=(-0.1, x - 0.5), ylim=(-high, high))
+
+    def update(self, run: Any) -> None:
+        self.at(run, run.t[0])
+
+    def at(self, run: Any, t: float) -> None:
+        now = run.at(t)["mode"]
+        for name, (box, color) in self.boxes.items():
+            box.set(facecolor=tint(color, 0.75 if name == now else 0.06))
+            box.set_linewidth(3.0 if name == now else 1.2)

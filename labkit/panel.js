@@ -233,6 +233,7 @@ function render({ model, el }) {
   const [ring, time] = [spec.handles.length > 0, spec.moves];
   const help = [
     spec.planes && "click in a plane: trajectory from there", ring && "drag a ring",
+    spec.clicks && "click in a map: its values",
     time && "over a time plot: cursor; click: it stays; a finger sideways moves it",
     "drag: shifts the axes · wheel or two fingers: zoom · double click: back · + − 0: zoom",
     spec.axes > 1 && "a: next axes", "Alt-arrows: shift · Ctrl-Z: undo",
@@ -528,6 +529,8 @@ function render({ model, el }) {
   listen("click", (event) => {
     if (!press || press.act || event.detail > 1) return;
     const { axes, x, y } = press;
+    const handle = info.axes[axes]?.click ?? -1;
+    if (handle >= 0) return ask("drag", { handle, x, y, settled: true });
     if (at(axes) === "plane" && press.grip < 0) ask("start", { axes, x, y }, Symbol("start"));
     if (at(axes) === "time") pin(axes, x, y);
   });

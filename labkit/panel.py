@@ -35,12 +35,11 @@ from matplotlib.text import Text
 from PIL import Image
 
 from .controls import SETTINGS, Control, controls_of, rounded, symbol_and_index
-from .draw.curves import Curves
 from .draw.figure import CSS_DPI, PNG_DPI, _palette_png, figure, style
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
-from .draw.sketch import Motion
 from .draw.view import Only, Together
+from .draw.view import View as Picture
 from .draw.words import described
 from .interrupt import hear_interrupts, interruptible
 from .model import ModelError, System, listed, number, unambiguous
@@ -125,7 +124,7 @@ class Panel(anywidget.AnyWidget):
         self.inches = tuple(view.figure.get_size_inches())
         self.stopped, self.words = self._judge(run)
         width, height = (float(CSS_DPI * inches) for inches in self.figure.get_size_inches())
-        moves = bool(self.shows) or any(isinstance(part, Motion) for part in views)
+        moves = bool(self.shows) or any(_moves(part) for part in views)
         super().__init__(
             first=self.png,
             spec={
@@ -142,6 +141,7 @@ class Panel(anywidget.AnyWidget):
                 "axes": len(self.figure.axes),
                 "planes": any(show.plane for show in self.shows),
                 "handles": [handle.meaning for handle in self.handles],
+                "clicks": any(handle.click for handle in self.handles),
                 "moves": moves,
                 # Under Voilà the kernel's folder is not the reader's.
                 "download": os.environ.get("SERVER_SOFTWARE", "").startswith("voila"),
@@ -431,9 +431,11 @@ class Panel(anywidget.AnyWidget):
         height, t = self.scene.recorder.height, self.run.t
         times = {show.axes for show in self.shows if not show.plane}
         planes = {show.axes for show in self.shows if show.plane}
+        click = {handle.axes: k for k, handle in enumerate(self.handles) if handle.click}
         axes = [
             {
                 "kind": "time" if ax in times else "plane" if ax in planes else "",
+                "click": click.get(ax, -1),
                 "box": [box.x0, height - box.y1, box.width, box.height],
                 "home": ax not in self.home,
                 "limits": ax.transScale.transform(np.column_stack([ax.get_xlim(), ax.get_ylim()]))
@@ -533,6 +535,11 @@ class Panel(anywidget.AnyWidget):
         return f"Saved {path}"
 
 
+def _moves(part: View) -> bool:
+    """Whether a view shows instants: a mechanism in its place, a mode that is lit."""
+    return isinstance(part, Picture) and type(part).at is not Picture.at
+
+
 class Own(float):
     """What a slider shows while models that differ in it keep each its own; equal to no number."""
 
@@ -564,7 +571,8 @@ def explore(
 
     Let it be the last line of a cell. explore({"plain": system, "warned": other}, horizon): several
     models, one set of sliders, one picture.
-    draw      draw(run) -> a View, or a list of Views that share a figure, also Handle and Motion;
+    draw      draw(run) -> a View, or a list of Views that share a figure, also Handle, Motion and
+              mode_diagram(system, axes=…);
               left out: time plot and phase portrait
     sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states,
               "t_end", "rtol", "step"; or a list: only these names get a slider. A range left out
@@ -694,7 +702,7 @@ def explore(
     view = (draw or (_together if several else _time_and_phase))(run)
     view = Together(*view) if isinstance(view, tuple | list) else view
     for part in getattr(view, "views", (view,)):
-        if isinstance(part, Handle | Motion | Curves):
+        if not getattr(part, "ready", True):
             part.update(run)
     panel = Panel(
         title or whole.name,

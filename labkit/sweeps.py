@@ -91,6 +91,8 @@ class Sweep:
         log       names of axes with a logarithmic scale; left out: those in equal ratios
         even      names of axes whose values stand at equal distances, whatever they are
         title, width, height    as in `figure`
+        axes      draws into axes of a figure that there is; with Handle(axes, "d", "R", click=True)
+                  in a panel the map sets the sliders
 
         Runs without a result are hatched. Further curves: picture.axes[0].plot(…).
         Raises ModelError for an unknown axis or result, and for more maps than six.

@@ -20,6 +20,7 @@ from labkit import (
     explore,
     figure,
     load_npz,
+    mode_diagram,
     phase_portrait,
     simulate,
     time_plot,
@@ -551,6 +552,42 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
     assert hands.panel.run.p.delta == pytest.approx(0.6)
     with pytest.raises(ModelError, match="Handle needs"):
         Handle(hands.panel.figure.axes[0], "delta")
+
+
+def test_a_click_in_a_map_sets_its_sliders():
+    """The axes of a Handle with click=True say which handle a click anywhere in them moves."""
+
+    def draw(run):
+        fig = figure(1, 2)
+        fig.axes[1].set(xlim=(0, 2), ylim=(0.5, 6))
+        place = Handle(fig.axes[1], "delta", "omega0", click=True)
+        return [time_plot(run, "x", axes=fig.axes[0]), place]
+
+    hands = Browser(explore(oscillator(), 10.0, draw))
+    told, _ = hands.tell(kind="ready")
+    assert [axes["click"] for axes in told["axes"]] == [-1, 0] and hands.panel.spec["clicks"]
+    answer, _ = hands.tell(kind="drag", handle=0, **pixel(hands, 1, 1.4, 3.0))
+    assert answer["values"]["p.delta"] == pytest.approx(1.4, abs=0.011)
+    assert answer["values"]["p.omega0"] == pytest.approx(3.0, abs=0.011)
+    assert not Browser(explore(oscillator(), 10.0, curves)).panel.spec["clicks"]
+
+
+def test_the_mode_of_the_instant_is_lit():
+    def draw(run):
+        fig = figure(2, 1, heights=[3, 1])
+        return [time_plot(run, "x", axes=fig.axes[0]), mode_diagram(run.system, axes=fig.axes[1])]
+
+    hands = Browser(explore(stick_slip(), 10.0, draw))
+    lit = hands.panel.view.views[1]
+
+    def filled():
+        return [name for name, (box, _) in lit.boxes.items() if box.get_linewidth() > 2]
+
+    assert hands.panel.spec["moves"] and filled() == ["stick"]
+    for t in (1.0, 2.0, 5.5):
+        hands.tell(kind="cursor", t=t)
+        assert filled() == [hands.panel.run.at(t)["mode"]]
+    assert {hands.panel.run.at(t)["mode"] for t in (1.0, 2.0)} == {"stick", "slip"}
 
 
 def test_the_cursor_tells_values_at_an_instant_in_all_axes(hands):

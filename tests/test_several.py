@@ -6,15 +6,17 @@ import pytest
 from labkit import (
     Mode,
     ModelError,
+    Motion,
+    Only,
     Parameter,
     System,
     curves,
     explore,
     figure,
+    mode_diagram,
     phase_portrait,
     time_plot,
 )
-from labkit.draw.view import Only
 
 PLAIN = {"backend": "plain"}
 
@@ -198,3 +200,21 @@ def test_cursor_held_run_clicks_and_export(pair, tmp_path):
     panel.run.to_csv(tmp_path / "both.csv")
     assert {path.name for path in tmp_path.iterdir()} == {"both_plain.csv", "both_damped.csv"}
     assert panel._picture()[0]["span"] == [0.0, 5.0]
+
+
+def test_a_sketch_moves_with_each_of_several(pair):
+    seen = []
+
+    def mechanism(sketch, s):
+        seen.append((s["plain"].x, s["damped"].x, s["damped"].p.d, s["plain"].t))
+        sketch.ball((1 + s["plain"].x, 1), 0.2)
+
+    def draw(runs):
+        fig = figure(2, 1)
+        diagram = mode_diagram(pair["plain"], axes=fig.axes[1])
+        return [Motion(fig.axes[0], mechanism, 4, 2), Only("plain", diagram)]
+
+    panel = explore(pair, 5.0, draw, **PLAIN)
+    panel._cursor({"t": 2.0})
+    runs = panel.run
+    assert seen[-1] == (runs["plain"].at(2.0)["x"], runs["damped"].at(2.0)["x"], 0.4, 2.0)

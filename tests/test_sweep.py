@@ -12,7 +12,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from labkit import Ended, Mode, ModelError, Parameter, System, Transition, progress, simulate, sweep
+from labkit import (
+    Ended,
+    Mode,
+    ModelError,
+    Parameter,
+    System,
+    Transition,
+    figure,
+    progress,
+    simulate,
+    sweep,
+)
 from labkit import portions as portions_module
 from labkit.progress import Progress
 
@@ -430,3 +441,14 @@ def test_progress_in_a_kernel(answers, monkeypatch):
     else:
         assert shown == []
     assert bar.text(2.0).startswith("█" * 24 + " 100%")
+
+
+def test_a_map_in_given_axes():
+    m = sweep(oscillator, 8.0, first_zero, delta=deltas, omega=omegas, points=2001)
+    fig = figure(1, 2)
+    assert m.picture("delta", "omega", axes=fig.axes[1], title="First zero") is fig
+    assert not fig.axes[0].collections and fig.axes[1].get_title("left") == "First zero"
+    np.testing.assert_array_equal(fig.axes[1].collections[0].get_array(), m.values.T)
+    three = sweep(oscillator, 1.0, ending, delta=deltas, omega=omegas, x=[0.9, 1.0])
+    with pytest.raises(ModelError, match="three axes are maps side by side"):
+        three.picture(axes=fig.axes[0])

@@ -21,7 +21,7 @@ from .phase import (
 from .planes import Planes, arrow_heads, flow_lines, planes
 from .sketch import Motion, Sketch
 from .time import TimePlot, time_plot
-from .view import View
+from .view import Only, View
 
 __all__ = [
     "COLORS",
@@ -29,6 +29,7 @@ __all__ = [
     "Figure",
     "Handle",
     "Motion",
+    "Only",
     "PhasePortrait",
     "Planes",
     "Sketch",

@@ -102,6 +102,8 @@ class Curves(View):
     See View for update, artists and relimited.
     """
 
+    ready = False
+
     def __init__(
         self,
         axes: Axes,

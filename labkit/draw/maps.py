@@ -44,6 +44,7 @@ def picture(
     title: str = "",
     width: float = 0.0,
     height: float = 4.2,
+    axes: Axes | None = None,
 ) -> Figure:
     """picture(m, "d", "R") -> figure; see Sweep.picture."""
     names = list(m.axes)
@@ -64,12 +65,17 @@ def picture(
     )
     lost = np.moveaxis(m.failed, [names.index(n) for n in order], range(len(names)))
     label = label or what or next(iter(m.results)) or m.name
+    if axes is not None and len(order) == 3 and not curves:
+        raise ModelError("three axes are maps side by side: they make a figure of their own")
+    given = None if axes is None else [axes]
+    third = m.axes[order[2]] if len(order) == 3 else [None]
     if curves:
-        fig = figure(width=width or 8.5, height=height)
-        _curves(fig.axes[0], m, order, values, lost, label, title, log)
-        axes = fig.axes[:1]
+        drawn = given or list(figure(width=width or 8.5, height=height).axes)
+        fig = drawn[0].get_figure()
+        _curves(drawn[0], m, order, values, lost, label, title, log)
+    elif given:
+        fig = axes.get_figure()
     else:
-        third = m.axes[order[2]] if len(order) == 3 else [None]
         if len(third) > MAPS:
             raise ModelError(
                 f"{len(third)} values of {order[2]!r} would be as many maps: at most {MAPS}, so "
@@ -83,23 +89,24 @@ def picture(
             sharey=True,
             title=title if len(third) > 1 else "",
         )
-        axes = list(fig.axes)
+    if not curves:
+        drawn = given or list(fig.axes)
         kinds, lines = _kinds(values), None
         if isinstance(contour, str):
             lines = np.moveaxis(m[contour], [names.index(n) for n in order], range(len(names)))
         elif contour is not None:
             lines, levels = values, contour
-        for k, (ax, each) in enumerate(zip(axes, third, strict=True)):
+        for k, (ax, each) in enumerate(zip(drawn, third, strict=True)):
             part = (..., k) if len(order) == 3 else ...
             shown = _map(ax, m, order, values[part], lost[part], kinds, values, log)
             if lines is not None:
                 _contours(ax, m, order, lines[part], levels)
             ax.set_title("" if each is None else _equal(m, order[2], each))
             if kinds is None and k == len(third) - 1:
-                fig.colorbar(shown, ax=axes, label=label)
+                fig.colorbar(shown, ax=drawn, label=label)
         entries = _entries(kinds, lost | _empty(values))
-        if len(axes) == 1:
-            head(axes[0], title, entries)
+        if len(drawn) == 1:
+            head(drawn[0], title, entries)
         elif entries:
             fig.legend(
                 *zip(*entries, strict=True),
@@ -107,7 +114,7 @@ def picture(
                 ncols=len(entries),
                 frameon=False,
             )
-    for ax in axes:
+    for ax in drawn:
         for name, scale in zip(
             order[: 1 if curves else 2], (ax.set_xscale, ax.set_yscale), strict=False
         ):

@@ -34,8 +34,11 @@ class Handle(View):
     place    place(run) -> (x, y), where the dot stands for a run, if that is something else
     values   values(x, y) -> {name: value} for a new place, if that is something else; may be fewer
              or more than two
+    click    True: a click anywhere in the axes brings the dot there (a map of a sweep)
     A panel clips the values to the ranges of the sliders. Raises ModelError when names are missing.
     """
+
+    ready = False
 
     def __init__(
         self,
@@ -45,6 +48,7 @@ class Handle(View):
         values: Callable[[float, float], Mapping[str, float]] | None = None,
         color: str = COLORS[1],
         meaning: str = "",
+        click: bool = False,
     ):
         if len(names) != 2 and (place is None or values is None):
             raise ModelError(
@@ -55,6 +59,7 @@ class Handle(View):
             axes.get_figure(),
             meaning or ", ".join(names) or "handle",
         )
+        self.click = click
         self.place = place or (
             lambda run: tuple(
                 run.start[name] if name in run.start else getattr(run.p, name) for name in names

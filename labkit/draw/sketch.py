@@ -10,7 +10,7 @@ s                                         # as the last line of a cell: the pict
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, radians, sin
 from types import SimpleNamespace
@@ -621,9 +621,13 @@ class Motion(View):
             sketch.pendulum((3, 2.5), 2, degrees(s.phi))
         Motion(fig.axes[2], draw, 6, 3)
 
+    Of several models, s["plain"] is the instant of each.
+
     The sketch is `width` × `height`, in coordinates of its own, y upwards; it has the methods of a
     Sketch. Labels cost time: one or two.
     """
+
+    ready = False
 
     def __init__(
         self,
@@ -646,7 +650,14 @@ class Motion(View):
         sketch = Sketch.__new__(Sketch)  # on these axes, not on a figure of its own
         self.pieces.clear()
         sketch.axes, sketch.figure, sketch.artists = self.pieces, self.figure, []
-        self.draw(sketch, SimpleNamespace(**run.at(t), t=t, p=run.p))
+        if isinstance(run, Mapping):
+            now: Any = {
+                name: SimpleNamespace(**values, t=t, p=run[name].p)
+                for name, values in run.at(t).items()
+            }
+        else:
+            now = SimpleNamespace(**run.at(t), t=t, p=run.p)
+        self.draw(sketch, now)
         self.pieces.stale = True
 
 

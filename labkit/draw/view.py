@@ -80,11 +80,13 @@ class View:
                         drawn again as well
     view.shows          what its axes show, as far as a cursor, a click or a held run can use it
     view.at(run, t)     shows an instant of a run (a mechanism in its place)
+    view.ready          False for a view that was made without a run: a panel updates it first
     """
 
     figure: Figure
     artists: list[Artist]
     relimited: bool = False
+    ready: bool = True
     shows: Sequence[Shows] = ()
 
     def at(self, run: Any, t: float) -> None:
@@ -144,7 +146,7 @@ class Only(View):
 
     def __init__(self, name: str, view: View):
         self.name, self.view, self.figure = name, view, view.figure
-        self.artists, self.shows = view.artists, ()
+        self.artists, self.shows, self.ready = view.artists, (), view.ready
 
     def update(self, run: Any) -> None:
         self.view.update(run[self.name])
