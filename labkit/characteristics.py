@@ -19,7 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from .formulas import FUNCTIONS, integral, names_of, number_of, parsed, put, sympy_of, values_of
+from .formulas import (
+    FUNCTIONS,
+    integral,
+    integrals,
+    names_of,
+    number_of,
+    parsed,
+    put,
+    sympy_of,
+    values_of,
+)
 from .model import ModelError, Output, System, listed
 from .switching import Builder, Law
 
@@ -322,13 +332,16 @@ class Characteristic:
         if self.hysteresis:
             raise ModelError(f"{self.name!r} has no potential: its work depends on the way")
         self.check(p)
-        edges = [-math.inf, *self.edges(p).tolist(), math.inf]
-        x = _numbers(x, "x")
-        total = np.zeros(x.shape)
-        for place, end in np.ndenumerate(x):
-            for text, low, high in zip(self.rising.pieces, edges, edges[1:], strict=False):
-                ends = (min(max(q, low), high) for q in (0.0, float(end)))
-                total[place] += integral(lambda q, text=text: number_of(text, p, q), *ends).real
+        x, edges = _numbers(x, "x"), self.edges(p)
+        low, high = min(0.0, x.min(initial=0.0)), max(0.0, x.max(initial=0.0))
+        places = np.unique([0.0, *x.ravel(), *edges[(edges > low) & (edges < high)]])
+        piece = np.searchsorted(edges, (places[1:] + places[:-1]) / 2)  # of each gap between them
+        gaps = np.zeros(len(piece))
+        for k, text in enumerate(self.rising.pieces):
+            ends = places[:-1][piece == k], places[1:][piece == k]
+            gaps[piece == k] = integrals(lambda q, text=text: number_of(text, p, q), *ends)
+        work = np.concatenate([[0.0], np.cumsum(gaps)])
+        total = work[np.searchsorted(places, x)] - work[np.searchsorted(places, 0.0)]
         return total if total.shape else float(total)
 
     def describing(self, amplitude: float, p: object = ()) -> complex:

@@ -21,7 +21,7 @@ from typing import Any
 
 from .run import _write
 
-__all__ = ["ROOT", "complete", "execute", "found", "named", "pre_save_hook", "strip"]
+__all__ = ["ROOT", "complete", "execute", "executed", "found", "named", "pre_save_hook", "strip"]
 
 ROOT = Path(__file__).resolve().parent.parent
 TEMPLATES = Path(__file__).with_name("jupyter") / "nbconvert" / "templates"
@@ -102,6 +102,8 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
         outputs: list[Any] = []
         for output in cell["outputs"]:
             data = output.get("data", {})
+            for mime in [mime for mime in data if mime.startswith("application/vnd.labkit.")]:
+                del data[mime]  # what only pages hold
             if data.pop(WIDGET, None) is not None and "image/png" not in data:
                 data["text/plain"] = "widget: run the cell to see it"
             if isinstance(data.get("text/plain"), str):
@@ -142,11 +144,11 @@ def pre_save_hook(model: MutableMapping[str, Any], **_: object) -> None:
         strip(model["content"])
 
 
-def execute(path: str | os.PathLike, timeout: float = 300.0) -> Path:
-    """execute("notebooks/start.ipynb") -> path: runs it in a fresh kernel, strips, saves.
+def executed(path: str | os.PathLike, timeout: float = 300.0, **environment: str) -> Any:
+    """executed("notebooks/start.ipynb") -> the notebook, run from the top in a fresh kernel.
 
-    The kernel works in the notebook's folder. The file is written whole, and only if every cell
-    ran. Raises nbclient's CellExecutionError with the cell's traceback.
+    The kernel works in the notebook's folder, with more variables of the environment if need be.
+    Raises nbclient's CellExecutionError with the cell's traceback.
     """
     import nbformat
     from nbclient import NotebookClient
@@ -160,13 +162,24 @@ def execute(path: str | os.PathLike, timeout: float = 300.0) -> Path:
         store_widget_state=False,
         resources={"metadata": {"path": str(path.parent)}},
     )
-    client.execute()
+    client.execute(env=os.environ | environment)
     notebook.metadata["kernelspec"] = {
         "display_name": "Python 3 (ipykernel)",
         "language": "python",
         "name": "python3",
     }
-    return _write(path, (nbformat.writes(strip(notebook)) + "\n").encode())
+    return notebook
+
+
+def execute(path: str | os.PathLike, timeout: float = 300.0) -> Path:
+    """execute("notebooks/start.ipynb") -> path: runs it in a fresh kernel, strips, saves.
+
+    The file is written whole, and only if every cell ran. Raises as `executed` does.
+    """
+    import nbformat
+
+    notebook = executed(path, timeout)
+    return _write(Path(path), (nbformat.writes(strip(notebook)) + "\n").encode())
 
 
 def execute_all(paths: list[str], say: Callable[[str], None] = print) -> int:

@@ -231,7 +231,7 @@ function render({ model, el }) {
   };
   Object.assign(canvas, { width: spec.width * ratio(), height: spec.height * ratio() });
   const [ring, time] = [spec.handles.length > 0, spec.moves];
-  const help = [
+  const help = spec.recorded || [
     spec.planes && "click in a plane: trajectory from there", ring && "drag a ring",
     spec.clicks && "click in a map: its values",
     time && "over a time plot: cursor; click: it stays; a finger sideways moves it",
@@ -684,6 +684,7 @@ function render({ model, el }) {
     note.title = text;
   };
   const button = (key, text, title, action, where = bar) => {
+    if (spec.recorded && where === bar && !["play", "reset", "full"].includes(key)) return;
     const node = Object.assign(make("button", "labkit-button", text), { type: "button", title });
     node.addEventListener("click", action);
     where.append((buttons[key] = node));
@@ -749,7 +750,8 @@ function render({ model, el }) {
     const go = () => ask("export", { what }, Symbol(what));
     button(what, `Save ${what.toUpperCase()}`, where, go);
   }
-  const hints = make("details", "labkit-note", make("summary", "", "mouse and keys"), help);
+  const hints = spec.recorded ? make("div", "labkit-note", help)
+    : make("details", "labkit-note", make("summary", "", "mouse and keys"), help);
   foot.append(bar, hints, note);
 
   window.addEventListener("keydown", keys, true);

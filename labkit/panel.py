@@ -13,6 +13,7 @@ A picture is what has changed of the figure, as strokes for a canvas: see draw/r
 
 from __future__ import annotations
 
+import base64
 import io
 import mimetypes
 import os
@@ -43,6 +44,7 @@ from .draw.view import View as Picture
 from .draw.words import described
 from .interrupt import hear_interrupts, interruptible
 from .model import ModelError, System, listed, number, unambiguous
+from .recorded import MIME, record
 from .run import Ended, Run
 from .several import Merged, Several
 from .solve import FIXED_STEP, simulate
@@ -161,6 +163,8 @@ class Panel(anywidget.AnyWidget):
         values = [value.replace(" ", "\u00a0") for value in values]  # no line breaks inside
         lines = [", ".join(values), self._judge(run)[0], said, "Run this cell for sliders."]
         png, more = _captioned(self.png, self.inches[0], list(filter(None, lines)))
+        if os.environ.get("LABKIT_RECORD") == "1":  # a page is being made: see pages.py
+            data = {**data, MIME: base64.b64encode(record(self)).decode()}
         return {**data, "image/png": png, "text/plain": repr(self)}, {
             **metadata,
             "image/png": {"width": width, "height": height + more, "alt": self.spec["alt"]},
@@ -285,9 +289,11 @@ class Panel(anywidget.AnyWidget):
         """Axes and cursor, as before any hand."""
         self.home.clear()
         self.t = None
-        for axes, (x, y) in self.limits.items():
-            axes.set_xlim(x, auto=None)
-            axes.set_ylim(y, auto=None)
+        for axes, (x, y) in self.limits.items():  # limits that stand are not drawn again
+            if axes.get_xlim() != x:
+                axes.set_xlim(x, auto=None)
+            if axes.get_ylim() != y:
+                axes.set_ylim(y, auto=None)
 
     def _keep(self) -> None:
         """A step that undo takes back: from one settled change to the next."""

@@ -124,6 +124,7 @@ class Curves(View):
         self.axes, self.figure, self.what, self.styles = axes, axes.get_figure(), what, dict(styles)
         self.log, self.title, self.legend, self.limits = log, title, legend, limits
         self.drawn: dict[str, Artist] = {}
+        self._last: tuple[Any, Mapping[str, Any]] = (None, {})
         self._windows: list[Window | None] = []
         self._named: list[str] = []
         self._bands: dict[str, tuple | None] = {}
@@ -153,11 +154,7 @@ class Curves(View):
 
     def update(self, run: Any) -> None:
         """view.update(run): calls what(run) and shows what it gives."""
-        found = self.what(run)
-        if not isinstance(found, Mapping):
-            raise ModelError(
-                f"the function of curves gives name -> (x, y), not {type(found).__name__}"
-            )
+        found = self._found(run)
         if not self.drawn and (unknown := [name for name in self.styles if name not in found]):
             raise ModelError(
                 f"styles names {listed(unknown)}, which is not drawn; there are {listed(found)}"
@@ -198,6 +195,17 @@ class Curves(View):
             lone = len(entries) == 1 and isinstance(self.drawn[named[0]], Line2D)
             head(self.axes, self.title, entries if self.legend and not lone else [])
 
+    def _found(self, run: Any) -> Mapping[str, Any]:
+        """What the function gives for a run; a cursor that moves asks again and again."""
+        if run is not self._last[0]:
+            found = self.what(run)
+            if not isinstance(found, Mapping):
+                raise ModelError(
+                    f"the function of curves gives name -> (x, y), not {type(found).__name__}"
+                )
+            self._last = run, found
+        return self._last[1]
+
     def _begin(self, run: Run, timed: bool, right: list[np.ndarray], up: list[np.ndarray]) -> None:
         for which, data, given in zip("xy", (right, up), self.limits, strict=True):
             if given is not None:
@@ -225,7 +233,7 @@ class Curves(View):
 
     def _curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
         """What a held run and a cursor draw: the curve over the time, if it is one."""
-        found = self.what(run).get(name)
+        found = self._found(run).get(name)
         if not isinstance(found, tuple) or len(found) != 2 or any(v is None for v in found):
             return np.zeros(0), np.zeros(0)
         x, y = np.broadcast_arrays(*(np.asarray(v, dtype=float).ravel() for v in found))
