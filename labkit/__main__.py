@@ -4,11 +4,15 @@
     python -m labkit show part3/06     one notebook, live, its code hidden; more words go to Voilà
     python -m labkit page part3/06     one notebook as a page (HTML) that needs no network
     python -m labkit run [notebook …]  run notebooks (all of them) from the top and save them
+    python -m labkit new 13 FOLDER     your own copies of the notebooks of project 13, and a report
+    python -m labkit report FOLDER     report.html and slides.html of such a folder
+    python -m labkit site FOLDER       all notebooks as a web site (site FOLDER MINE: your own ones)
     python -m labkit test              all tests and all notebooks; more words go to pytest
     python -m labkit setup             only set up
     python -m labkit --here …          use the Python that is running as it is, install nothing
 
-A notebook is named as under notebooks/, or by its beginning, or by the path of one of your own.
+A notebook is named as under notebooks/, or by its beginning, or by the path of one of your own;
+run and show also take a folder of your own.
 
 The environment is the folder .venv with exactly the packages of environment.txt. It is made on
 first use, and brought up to date when environment.txt has changed. Until then only Python's
@@ -25,6 +29,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -32,7 +37,7 @@ LOCK = ROOT / "environment.txt"
 VENV = ROOT / ".venv"
 OLDEST, NEWEST = (3, 11), (3, 14)
 JUPYTER = Path(__file__).with_name("jupyter")
-COMMANDS = ("lab", "show", "page", "run", "test", "setup", "help")
+COMMANDS = ("lab", "show", "page", "run", "new", "report", "site", "test", "setup", "help")
 
 
 class SetupError(Exception):
@@ -96,8 +101,8 @@ def start(command: str, words: list[str]) -> int:
         if refresh():
             print("labkit: notebooks/start.ipynb lists the notebooks that there are now")
         return min(failed, 1)
-    if command == "page":
-        return page(words)
+    if command in ("page", "new", "report", "site"):
+        return written(globals()[command], words)
     return 0  # setup
 
 
@@ -328,6 +333,8 @@ def meant(words: list[str]) -> Path:
     """meant(["part3/06"]) -> the path of that notebook; an unclear name is a SetupError."""
     from .notebooks import named
 
+    if words and Path(words[0]).is_dir():
+        return Path(words[0]).resolve()
     if not words or words[0].startswith("-"):
         raise SetupError("which notebook? For example: part3/06, or the path of one of your own")
     try:
@@ -364,13 +371,56 @@ def show(words: list[str]) -> int:
     return become(command, lab_environment())
 
 
-def page(words: list[str]) -> int:
+def written(command: Callable[[list[str]], Iterable[Path]], words: list[str]) -> int:
+    """Run a command that writes files, and say where they are; what goes wrong is a SetupError."""
+    from labkit.model import ModelError
+
+    try:
+        for path in command(words):
+            print(f"labkit: {path}", flush=True)
+    except ModelError as error:
+        raise SetupError(str(error)) from None
+    return 0
+
+
+def page(words: list[str]) -> Iterable[Path]:
     """Notebooks as pages, in the folder in which one stands."""
     from .page import page as write
 
-    for path in [meant([word]) for word in words] or [meant([])]:
-        print(f"labkit: {write(path)}", flush=True)
-    return 0
+    return (write(path) for path in [meant([word]) for word in words] or [meant([])])
+
+
+def new(words: list[str]) -> Iterable[Path]:
+    """A student's own copies of the notebooks of a project."""
+    from .copies import copy_project
+
+    if len(words) != 2 or not words[0].isdigit():
+        raise SetupError("say the number of your project and a folder: new 13 my-project")
+    return copy_project(int(words[0]), words[1])
+
+
+def report(words: list[str]) -> Iterable[Path]:
+    """The notebooks of a folder as a report and as slides."""
+    from .report import report as write
+
+    if len(words) != 1:
+        raise SetupError("say the folder of your project: report my-project")
+    warm()
+    return write(words[0])
+
+
+def site(words: list[str]) -> Iterable[Path]:
+    """All notebooks, or those of a folder, as a web site."""
+    from .site import site as write
+
+    if len(words) not in (1, 2):
+        raise SetupError(
+            "say the folder to write: site public; of your own notebooks: site public mine"
+        )
+    warm()
+    if write(words[0], *words[1:]):
+        raise SetupError("some notebooks failed; the pages of the others are written")
+    return [Path(words[0]) / "index.html"]
 
 
 def test(options: list[str]) -> int:

@@ -192,7 +192,8 @@ def execute_all(paths: list[str], say: Callable[[str], None] = print) -> int:
     from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
     failed = 0
-    for name in paths or found():
+    folders = [found(name) if Path(name).is_dir() else [name] for name in paths]
+    for name in [name for names in folders for name in names] or found():
         begin = time.perf_counter()
         try:
             path = execute(named(str(name)))

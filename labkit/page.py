@@ -80,18 +80,24 @@ def typeset(text: str) -> str:
     return "".join(pieces)
 
 
-def contents(notebook: Any) -> str:
-    """The filter `contents` of a template: links to the headings of the second level."""
+def contents(notebook: Any, levels: str = "##") -> str:
+    """The filter `contents` of a template: links to the headings of the second level.
+
+    levels="##?" takes those of the first as well.
+    """
     lines = [
         line
         for cell in notebook["cells"]
         if cell["cell_type"] == "markdown"
         for line in cell["source"].splitlines()
-        if line.startswith("## ")
+        if re.match(f"{levels} ", line)
     ]
     text = MarkdownWithMath(renderer=Formulas(escape=False)).render("\n\n".join(lines))
-    found = re.findall(r'<h2 id="(.*?)">(.*?)<a class="anchor-link"', text)
-    items = "\n".join(f'<li><a href="#{place}">{title}</a></li>' for place, title in found)
+    found = re.findall(r'<h([12]) id="(.*?)">(.*?)<a class="anchor-link"', text)
+    items = "\n".join(
+        f'<li class="labkit-h{level}"><a href="#{place}">{title}</a></li>'
+        for level, place, title in found
+    )
     return f'<nav class="labkit-contents" aria-label="Contents"><ol>\n{items}\n</ol></nav>'
 
 

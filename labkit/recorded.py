@@ -31,7 +31,8 @@ __all__ = ["MIME", "record", "script", "style"]
 MIME = "application/vnd.labkit.recording"
 POSITIONS, INSTANTS = 21, 100
 RATIO = 2.0  # device pixels to one CSS pixel: sharp on a tablet too
-GRID = 8  # parts of a pixel that a point is rounded to
+GRID = 4  # parts of a pixel that a point is rounded to
+FAR = 16383  # the most of them from the corner of the picture, so that differences are short
 NEW_STROKE = -32768  # as the difference of x: then y says if the stroke is closed
 SAID = (
     "Recorded: one slider at a time, from the values at first; “Play” shows the first run. "
@@ -136,14 +137,18 @@ class _Store:
     def frame(self, panel: Panel) -> dict[str, Any]:
         """The picture on show, by the numbers of its parts, and what the page says beside it."""
         message, buffers = panel._picture(RATIO, True, True)
+        if "mime" not in message:
+            points = np.frombuffer(buffers[0], "<f4").reshape(-1, 2)
+            if np.nanmax(np.abs(points), initial=0.0) * GRID > FAR:
+                message |= {"mime": "image/jpeg"}
+                buffers = [panel.scene.bitmap()]
         said = {
             key: message[key] for key in ("verdict", "stopped", "reading", "t", "span", "values")
         }
         said["size"] = message["size"]
-        if "mime" in message:  # it has too many points for strokes
+        if "mime" in message:  # too many points for strokes, or points far outside
             return said | {"mime": message["mime"], "bitmap": self._image(buffers[0])}
-        floats, pixels = buffers
-        points = np.frombuffer(floats, "<f4").reshape(-1, 2)
+        pixels = buffers[1]
         p = b = 0
         parts = {}
         for name, ops in message["ops"].items():
@@ -189,7 +194,7 @@ def _differences(points: np.ndarray) -> np.ndarray:
     up = np.isnan(points[:, 0])
     coded = np.empty(points.shape, "<i2")
     coded[up, 0], coded[up, 1] = NEW_STROKE, points[up, 1]
-    whole = np.clip(np.rint(points[~up].astype(float) * GRID), -16000, 16000).astype(int)
+    whole = np.rint(points[~up].astype(float) * GRID).astype(int)
     coded[~up] = np.diff(whole, axis=0, prepend=np.zeros((1, 2), int))
     return coded
 

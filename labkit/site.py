@@ -75,7 +75,7 @@ def site(
                 size = task.result()
             except Exception as error:
                 failed += 1
-                say(f"{count} of {len(todo)}: {name} failed: {_last(error)}")
+                say(f"{count} of {len(todo)}: {name} failed: {in_one_line(error)}")
                 continue
             stamps[name] = wanted[name]
             write_whole(folder / STAMPS, json.dumps(stamps, indent=1).encode())
@@ -166,8 +166,8 @@ def _sources(path: Path) -> bytes:
         return path.read_bytes()
 
 
-def _last(error: BaseException) -> str:
-    """The last line of a traceback, which names the error."""
+def in_one_line(error: BaseException) -> str:
+    """The last line of an error's text, which in a cell's traceback names it."""
     lines = re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().splitlines()
     return lines[-1] if lines else type(error).__name__
 

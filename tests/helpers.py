@@ -2,7 +2,6 @@
 
 load("part3/00_sample_dry_friction")["system"]       the notebook's names after its code cells ran
 run_cell("x = 1", "<a cell>", {})["x"]               the names after one cell's text ran
-find_browser()                                       path of a Chrome, Chromium or Edge, or None
 """
 
 from __future__ import annotations
@@ -11,8 +10,6 @@ import functools
 import json
 import linecache
 import os
-import shutil
-import sys
 from pathlib import Path
 from unittest import mock
 
@@ -70,40 +67,3 @@ def run_cell(text: str, place: str, namespace: dict) -> dict:
     linecache.cache[place] = (len(text), None, text.splitlines(True), place)
     exec(compile(text, place, "exec"), namespace)
     return namespace
-
-
-def find_browser() -> str | None:
-    """find_browser() -> a Chromium-like browser of this computer.
-
-    LABKIT_BROWSER, on the path, or in the usual places.
-    """
-    names = (
-        "chromium",
-        "chromium-browser",
-        "google-chrome",
-        "google-chrome-stable",
-        "chrome",
-        "msedge",
-        "microsoft-edge",
-        "microsoft-edge-stable",
-    )
-    if sys.platform == "darwin":
-        places = [
-            f"/Applications/{name}.app/Contents/MacOS/{name}"
-            for name in ("Google Chrome", "Chromium", "Microsoft Edge")
-        ]
-    else:
-        homes = [
-            os.environ.get(key, "") for key in ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")
-        ]
-        places = [
-            f"{home}/{rest}"
-            for home in homes
-            if home
-            for rest in (
-                "Google/Chrome/Application/chrome.exe",
-                "Microsoft/Edge/Application/msedge.exe",
-            )
-        ]
-    candidates = [os.environ.get("LABKIT_BROWSER"), *map(shutil.which, names), *places]
-    return next((path for path in candidates if path and Path(path).exists()), None)

@@ -18,17 +18,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from labkit.__main__ import lab_command, lab_environment
+from labkit.browser import FLAGS, find_browser
 
-from .helpers import ROOT, find_browser
+from .helpers import ROOT
 
-FLAGS = [
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 KERNEL = {
     "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
     # As a saved notebook has it: Lab marks one without as changed when its kernel says what it is
@@ -181,9 +174,7 @@ def open_browser(*more: str) -> Iterator:
         )
     from playwright.sync_api import sync_playwright
 
-    flags = [*FLAGS, *more] + (
-        ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    )
+    flags = [*FLAGS, *more]
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=path, args=flags)
         yield opened

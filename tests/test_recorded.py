@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import pytest
 
-from labkit import Mode, Parameter, System, explore, time_plot
+from labkit import Mode, Parameter, System, explore, figure, time_plot
 from labkit.recorded import NEW_STROKE, RATIO, record, script, style
 
 
@@ -76,8 +76,7 @@ def test_frames_are_the_pictures_of_the_panel():
         shown = np.frombuffer(floats, "<f4").reshape(-1, 2)
         kept = np.concatenate([points[part] for _, part in frame["order"]])
         np.testing.assert_array_equal(np.isnan(shown), np.isnan(kept))
-        inside = np.abs(shown) < 2000
-        np.testing.assert_allclose(kept[inside], shown[inside], atol=0.51 / head["grid"])
+        np.testing.assert_allclose(kept, shown, atol=0.51 / head["grid"])
 
 
 def test_positions_go_from_end_to_end_through_the_first_value():
@@ -111,6 +110,17 @@ def test_a_picture_of_too_many_points_is_kept_as_a_bitmap(monkeypatch):
     head, _ = read(record(panel(sliders=["omega"]), positions=3))
     frame = head["frames"][head["first"]]
     assert frame["mime"] == "image/jpeg" and head["images"][frame["bitmap"]] > 1000
+
+
+def test_points_far_outside_are_kept_as_a_bitmap():
+    """A difference of two bytes reaches some 4000 pixels: beyond it a stroke would lose its way."""
+
+    def draw(run):
+        fig = figure(width=22, height=3)
+        return time_plot(run, "x", axes=fig.axes[0])
+
+    head, _ = read(record(explore(system, 8.0, draw, sliders=["omega"]), positions=3))
+    assert all(frame.get("mime") == "image/jpeg" for frame in head["frames"] if "size" in frame)
 
 
 @pytest.fixture(scope="module")

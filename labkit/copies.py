@@ -1,0 +1,152 @@
+"""A student's own copies of the notebooks of a project, and the frame of a report.
+
+copy_project(13, "my-project")            # python -m labkit new 13 my-project
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from .course import Assignment, project
+from .model import ModelError, listed
+
+__all__ = ["REPORT", "copy_project"]
+
+REPORT = "report.ipynb"
+_LINK = re.compile(r"\]\((?![a-z]+:|#)([^)#]+)(#[^)]*)?\)")
+KERNEL = {
+    "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
+    "language_info": {"name": "python"},
+}
+OPENING = """# Mini-project {number}
+
+*Name:* …
+
+*Course, date:* …
+
+In two or three sentences: which three systems are in this report, and what is the most interesting
+result?"""
+QUESTIONS = {
+    "The model": "Its equations in your own words. What is assumed, what is left out, where does "
+    "it stop to hold?",
+    "Values and reasons": "Which values have you chosen for the parameters and the start, and why "
+    "these?",
+    "Experiments": "What did you vary? What changed in size, and what changed in kind? One picture "
+    "and one table are worth more than ten.",
+    "The algorithm": "Vary the method, the tolerance or the step, the location of events, and the "
+    "length of the simulation. How many digits of your results can be trusted? How do you know?",
+    "Theory": "What does theory say, in a formula? Compare in numbers. Where they differ, why?",
+}
+CLOSING = {
+    "A problem of my own": "A question that the handbook does not ask, about one of your systems: "
+    "what you expected, what you did, what came out.",
+    "The environment": "How is a model written and edited here? What ready-made parts are there? "
+    "What happens when a model is wrong? How are results looked at, compared, exported? What could "
+    "you not do?",
+    "Conclusions": "Three sentences that you would defend.",
+}
+OWN = """# A place for the computations of your own problem
+import labkit"""
+
+
+def copy_project(number: int, folder: str | os.PathLike) -> list[Path]:
+    """copy_project(13, "my-project") -> paths: three notebooks without results, and report.ipynb.
+
+    The project's number stands in each notebook's metadata. All four are written or none; a file
+    that is there already is never overwritten. Raises ModelError for a number that is no project, a
+    missing notebook, a file that exists, and a folder that cannot be written.
+    """
+    folder, wanted = Path(folder), project(number)
+    if missing := [a.path for a in wanted.assignments if not a.exists]:
+        raise ModelError(f"project {number} has no notebook yet for {listed(missing)}")
+    texts = {_name(a): _copy(a, number, folder) for a in wanted.assignments}
+    texts[REPORT] = _report(number, wanted.assignments)
+    if there := [name for name in texts if (folder / name).exists()]:
+        raise ModelError(
+            f"{str(folder)!r} has {listed(there)} already, and nothing was written: take another "
+            "folder, or move these files away"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
+            for name, text in texts.items():
+                (Path(place) / name).write_text(text, encoding="utf-8")
+            for name in texts:  # all of them are on the disk now
+                shutil.move(Path(place) / name, folder / name)
+    except OSError as error:
+        raise ModelError(
+            f"{str(folder)!r} cannot be written ({error.strerror or error}): choose a folder that "
+            "you may write to, on a disk with room"
+        ) from error
+    return [folder / name for name in texts]
+
+
+def _name(a: Assignment) -> str:
+    return a.path.replace("/", "_") + ".ipynb"
+
+
+def _copy(a: Assignment, number: int, folder: Path) -> str:
+    """The notebook without results; its links lead from the new place to the workbook."""
+    page = json.loads(a.notebook.read_text(encoding="utf-8"))
+    for cell in page["cells"]:
+        if cell["cell_type"] == "code":
+            cell["outputs"], cell["execution_count"] = [], None
+        else:
+            text = "".join(cell["source"])
+            text = _LINK.sub(lambda m: _linked(m, a.notebook.parent, folder), text)
+            cell["source"] = text.splitlines(keepends=True)
+    page["metadata"]["labkit"] = {"project": number, "assignment": a.path}
+    return _text(page)
+
+
+def _linked(found: re.Match, old: Path, new: Path) -> str:
+    goal = (old / found[1]).resolve()
+    try:
+        path = os.path.relpath(goal, new.resolve())
+    except ValueError:  # another drive of Windows
+        path = goal.as_uri()
+    return f"]({Path(path).as_posix() if '://' not in path else path}{found[2] or ''})"
+
+
+def _report(number: int, assignments: tuple[Assignment, ...]) -> str:
+    cells = [_cell(OPENING.format(number=number), "slide")]
+    for a in assignments:
+        cells.append(_cell(f"## Part {a.part}. {a.title}\n\n[The notebook]({_name(a)})", "slide"))
+        cells += [
+            _cell(f"### {head}\n\n*{what}*", "slide" if head == "Experiments" else "skip")
+            for head, what in QUESTIONS.items()
+        ]
+    for head, what in CLOSING.items():
+        cells.append(_cell(f"## {head}\n\n*{what}*", "slide"))
+        if head == "A problem of my own":
+            cells.append(
+                {
+                    "cell_type": "code",
+                    "execution_count": None,
+                    "metadata": {"slideshow": {"slide_type": "skip"}},
+                    "outputs": [],
+                    "source": OWN.splitlines(keepends=True),
+                }
+            )
+    for k, cell in enumerate(cells):
+        cell["id"] = f"report-{k:02}"
+    metadata = {**KERNEL, "labkit": {"project": number}}
+    return _text({"cells": cells, "metadata": metadata, "nbformat": 4, "nbformat_minor": 5})
+
+
+def _cell(text: str, slide: str) -> dict[str, Any]:
+    return {
+        "cell_type": "markdown",
+        "metadata": {"slideshow": {"slide_type": slide}},
+        "source": text.splitlines(keepends=True),
+    }
+
+
+def _text(page: dict[str, Any]) -> str:
+    return json.dumps(page, indent=1, ensure_ascii=False, sort_keys=True) + "\n"

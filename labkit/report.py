@@ -1,0 +1,262 @@
+"""A folder of notebooks as a report and as slides: each one file that needs no network.
+
+report("my-project")                  # python -m labkit report my-project
+
+report.html has contents, numbered figures, formulas, folded code and a list of what was predicted;
+printed ("Save as PDF") it is a clean A4. slides.html shows the cells that are marked as slides in
+JupyterLab (the field "Slide Type"); where a notebook has no marks, its title, pictures, panels and
+checked results. Panels are recorded.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import hashlib
+import html
+import json
+import os
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+
+from .answers import MARKS
+from .answers import MIME as CHECK
+from .browser import print_to_pdf
+from .copies import REPORT
+from .model import ModelError
+from .notebooks import executed, found
+from .page import Page, contents
+from .recorded import MIME, script, style
+from .run import _write
+from .site import RecordedPage, in_one_line
+
+__all__ = ["report"]
+
+RAN = ".labkit"  # the folder of notebooks with results, beside the student's own
+_IMAGE = re.compile(r'<div class="jp-RenderedImage[^"]*"[^>]*>\s*(<img[^>]*>)\s*</div>')
+_NAV = re.compile(r"<nav [^>]*labkit-contents.*?</nav>", re.DOTALL)
+_MAIN = re.compile(r"<main[^>]*>(.*)</main>", re.DOTALL)
+
+
+@dataclass
+class Ran:
+    """A notebook with its results; `trouble` says why they are those of an earlier time."""
+
+    path: Path
+    notebook: Any
+    trouble: str = ""
+
+    @property
+    def cells(self) -> list[Any]:
+        return self.notebook["cells"]
+
+
+def report(folder: str | os.PathLike, say: Callable[[str], object] = print) -> list[Path]:
+    """report("my-project") -> [report.html, slides.html, and report.pdf where a browser is found].
+
+    Runs the notebooks that have changed since the last call. One that fails keeps the results that
+    it had, and the report says so. Raises ModelError for a folder without notebooks or one that
+    cannot be written.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ModelError(f"there is no folder {str(folder)!r}: python -m labkit new makes one")
+    paths = [path for path in found(folder) if path.parent == folder]
+    if not paths:
+        raise ModelError(f"there are no notebooks in {str(folder)!r}")
+    paths.sort(key=lambda path: (path.name != REPORT, path.name))
+    ran = []
+    for count, path in enumerate(paths, 1):
+        say(f"{count} of {len(paths)}: {path.name}")
+        ran.append(with_results(path))
+        if ran[-1].trouble:
+            say(f"   {ran[-1].trouble}")
+    page = _write(folder / "report.html", _report(ran).encode())
+    slides = _write(folder / "slides.html", _slides(ran).encode())
+    pdf = folder / "report.pdf"
+    return [page, slides, *([pdf] if print_to_pdf(page, pdf) else [])]
+
+
+def with_results(path: Path) -> Ran:
+    """with_results(path) -> the notebook as it is now, run unless that was done before."""
+    kept = path.parent / RAN / path.name
+    try:
+        notebook = nbformat.read(path, as_version=4)
+    except Exception as error:
+        raise ModelError(f"{path.name} is no notebook ({in_one_line(error)})") from None
+    digest = hashlib.sha256(
+        json.dumps([[cell["cell_type"], cell["source"]] for cell in notebook["cells"]]).encode()
+    ).hexdigest()
+    old = nbformat.read(kept, as_version=4) if kept.is_file() else None
+    if old is not None and old.metadata.get("labkit_ran") == digest:
+        _take_marks(old, notebook)
+        return Ran(path, old)
+    try:
+        notebook = executed(path, LABKIT_RECORD="1")
+    except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
+        return Ran(path, old or notebook, _trouble(path, error, old is not None))
+    notebook.metadata["labkit_ran"] = digest
+    kept.parent.mkdir(exist_ok=True)
+    _write(kept, nbformat.writes(notebook).encode())
+    return Ran(path, notebook)
+
+
+def _take_marks(old: Any, new: Any) -> None:
+    """The marks of slides may have changed without the cells."""
+    for mine, fresh in zip(old["cells"], new["cells"], strict=True):
+        mine["metadata"] = fresh["metadata"]
+
+
+def _trouble(path: Path, error: Exception, earlier: bool) -> str:
+    shown = "an earlier run" if earlier else "what the file has saved"
+    return f"{path.name} did not run to its end: {in_one_line(error)}; shown is {shown}"
+
+
+# ---- the report
+
+
+def _report(ran: list[Ran]) -> str:
+    cells = copy.deepcopy([cell for one in ran for cell in one.cells])
+    for k, cell in enumerate(cells):  # copies of one notebook have the same names of cells
+        cell["id"] = f"cell-{k}"
+    whole = nbformat.v4.new_notebook(cells=cells)
+    title = _title(ran)
+    text, _ = Folded().from_notebook_node(whole, resources={"metadata": {"name": title}})
+    head = "".join(
+        f'<p class="labkit-not-run">{html.escape(one.trouble)}</p>' for one in ran if one.trouble
+    )
+    text = _NAV.sub("", text)
+    text = re.sub(r"(<main[^>]*>)", lambda m: m[1] + head + contents(whole, "##?"), text, count=1)
+    text = _numbered(text)
+    text = re.sub(r'(<body[^>]*class=")', r"\1labkit-report ", text, count=1)
+    return text.replace("</main>", _answers(ran) + "</main>", 1)
+
+
+class Folded(Page):
+    """A page whose code is folded."""
+
+    def from_notebook_node(self, nb: Any, resources: Any = None, **more: Any) -> Any:
+        return super().from_notebook_node(nb, {**(resources or {}), "fold": True}, **more)
+
+
+def _numbered(text: str) -> str:
+    """Pictures become figures with a number and, from their alternative text, a caption."""
+    count = 0
+
+    def figure(found: re.Match) -> str:
+        nonlocal count
+        count += 1
+        alt = re.search(r'alt="([^"]*)"', found[1])
+        said = html.unescape(alt[1]).partition("\n")[0].partition(": ")[0] if alt else ""
+        caption = f"<b>Figure {count}.</b> {html.escape(said)}"
+        return f'<figure id="figure-{count}">{found[1]}<figcaption>{caption}</figcaption></figure>'
+
+    return _IMAGE.sub(figure, text)
+
+
+def _answers(ran: list[Ran]) -> str:
+    """What was predicted and answered, in a table at the end."""
+    rows, right = [], 0
+    for one in ran:
+        for name, check in _checks(one.cells):
+            given = (check["answer"], check["right"]) if check["ok"] is not None else ("–", "")
+            cells = (one.path.stem, name, *given, MARKS[check["ok"]])
+            rows.append("".join(f"<td>{html.escape(cell)}</td>" for cell in cells))
+            right += check["ok"] is True
+    if not rows:
+        return ""
+    head = "".join(f"<th>{h}</th>" for h in ("notebook", "answer to", "mine", "right", ""))
+    lines = "".join(f"<tr>{row}</tr>" for row in rows)
+    return (
+        '<div class="jp-RenderedHTMLCommon"><h1 id="predictions">Predictions and answers</h1>'
+        f"<p>{right} of {len(rows)} right.</p>"
+        f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>"
+    )
+
+
+def _checks(cells: list[Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Name of the answer and what `check` found, for each cell that shows one."""
+    for cell in cells:
+        for output in cell.get("outputs", []):
+            if CHECK in output.get("data", {}):
+                yield _asked(cell["source"]), output["data"][CHECK]
+
+
+def _asked(source: str) -> str:
+    """The first argument of the last `check` of a cell."""
+    try:
+        calls = [
+            node
+            for node in ast.walk(ast.parse(source))
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "check" and node.args
+        ]
+    except SyntaxError:
+        return ""
+    return ast.unparse(calls[-1].args[0]) if calls else ""
+
+
+def _title(ran: list[Ran]) -> str:
+    for cell in ran[0].cells:
+        if found := re.match(r"# (.*)", cell["source"]):
+            return found[1].strip()
+    return ran[0].path.stem
+
+
+# ---- slides
+
+
+def _slides(ran: list[Ran]) -> str:
+    exporter, pages, shell = RecordedPage(), [], ""
+    for one in ran:
+        for cells in _groups(one.cells):
+            part = nbformat.v4.new_notebook(cells=copy.deepcopy(cells))
+            for cell in part.cells:  # code only where it is the point of the slide
+                if cell["cell_type"] == "code" and cell["outputs"]:
+                    cell["metadata"]["jupyter"] = {"source_hidden": True}
+            shell, _ = exporter.from_notebook_node(
+                part, resources={"metadata": {"name": _title(ran)}}
+            )
+            shell = _NAV.sub("", shell)
+            pages.append(f"<section>{_MAIN.search(shell)[1]}</section>")
+    here = Path(__file__).parent
+    look = f"<style>{style()}{(here / 'slides.css').read_text('utf-8')}</style></head>"
+    keys = f"<script>{script()}</script><script>{(here / 'slides.js').read_text('utf-8')}</script>"
+    text = _MAIN.sub(lambda m: f"<main>{''.join(pages)}</main>{keys}", shell)
+    return text.replace("</head>", look, 1)
+
+
+def _groups(cells: list[Any]) -> list[list[Any]]:
+    """Cells slide by slide, as marked; without marks by what is worth showing."""
+    kinds = [cell["metadata"].get("slideshow", {}).get("slide_type", "") for cell in cells]
+    if not any(kind in ("slide", "subslide") for kind in kinds):
+        return list(_worth_showing(cells))
+    groups: list[list[Any]] = []
+    for cell, kind in zip(cells, kinds, strict=True):
+        if kind in ("slide", "subslide"):
+            groups.append([cell])
+        elif groups and kind not in ("skip", "notes"):
+            groups[-1].append(cell)
+    return groups
+
+
+def _worth_showing(cells: list[Any]) -> Iterator[list[Any]]:
+    """The title; then each picture, panel and checked result under its section's heading."""
+    heading = ""
+    for cell in cells:
+        if cell["cell_type"] == "markdown":
+            if cell["source"].startswith("# "):
+                first = cell["source"].split("\n\n")
+                yield [nbformat.v4.new_markdown_cell("\n\n".join(first[:2]))]
+            heads = re.findall(r"^## (.*)", cell["source"], re.MULTILINE)
+            heading = heads[-1] if heads else heading
+        elif "# NBVAL_CHECK_OUTPUT" in cell["source"] or any(
+            MIME in output.get("data", {}) or "image/png" in output.get("data", {})
+            for output in cell["outputs"]
+        ):
+            yield [nbformat.v4.new_markdown_cell(f"## {heading}"), cell]
