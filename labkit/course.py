@@ -244,8 +244,10 @@ def overview() -> str:
 def choose(number: int = 1) -> None:
     """choose() shows a slider for the project number and that project's table under it.
 
-    Saved without its widget the slider leaves the table of all projects. The table is an output of
-    the cell and not a widget, because only there does JupyterLab open a link in a tab of its own.
+    A button makes the student's own copies of its notebooks, in the folder project-13 of the
+    workbook. Saved without its widget the slider leaves the table of all projects. The table is an
+    output of the cell and not a widget, because only there does JupyterLab open a link in a tab of
+    its own.
     Raises ModelError for a number that is none.
     """
     import ipywidgets as widgets
@@ -262,9 +264,36 @@ def choose(number: int = 1) -> None:
         description="project",
         layout=widgets.Layout(width="34em"),
     )
+
+    class Row(widgets.HBox):
+        def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
+            words = "<p><i>A button for copies of your own is here when the cell has run.</i></p>"
+            return {**super()._repr_mimebundle_(**options), "text/html": words}
+
+    copies = widgets.Button(description="Make my own copies", tooltip="of its three notebooks")
+    said = widgets.HTML()
+    copies.on_click(lambda _: setattr(said, "value", _copied(slider.value)))
     display(slider)
     place = display(project(number), display_id=True)
-    slider.observe(lambda change: place.update(project(change["new"])), "value")
+    display(Row([copies, said]))
+
+    def follow(change: dict[str, Any]) -> None:
+        place.update(project(change["new"]))
+        said.value = ""
+
+    slider.observe(follow, "value")
+
+
+def _copied(number: int) -> str:
+    """What a click on the button did, as HTML."""
+    from .copies import copy_project
+
+    folder = ROOT / f"project-{number}"
+    try:
+        copy_project(number, folder)
+    except ModelError as error:
+        return html.escape(str(error))
+    return f"Done: open the folder <b>{folder.name}</b> in the file list on the left."
 
 
 def _numbered(a: Assignment) -> str:

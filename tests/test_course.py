@@ -174,9 +174,23 @@ def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, monkeypatc
     )
     assert choose(13) is None
     slider = shown[0]
-    assert shown[1:] == [project(13)]
+    assert shown[1] == project(13)
+    button, said = shown[2].children
     slider.value = 6
-    assert shown[2:] == [project(6)]
+    assert shown[3:] == [project(6)]
+    made = []
+    monkeypatch.setattr("labkit.copies.copy_project", lambda *words: made.append(words))
+    button.click()
+    assert made == [(6, course.ROOT / "project-6")] and "project-6" in said.value
+    slider.value = 7
+    assert said.value == ""
+
+    def refuse(*words):
+        raise ModelError("it has <that> already")
+
+    monkeypatch.setattr("labkit.copies.copy_project", refuse)
+    button.click()
+    assert said.value == "it has &lt;that&gt; already"
     data = slider._repr_mimebundle_()
     assert (
         WIDGET in data
