@@ -6,6 +6,7 @@
     python -m labkit run [notebook …]  run notebooks (all of them) from the top and save them
     python -m labkit new 13 FOLDER     your own copies of the notebooks of project 13, and a report
     python -m labkit report FOLDER     report.html and slides.html of such a folder
+    python -m labkit key 13            a teacher's key to a project, or to a student's folder
     python -m labkit site FOLDER       all notebooks as a web site (site FOLDER MINE: your own ones)
     python -m labkit test              all tests and all notebooks; more words go to pytest
     python -m labkit setup             only set up
@@ -37,7 +38,7 @@ LOCK = ROOT / "environment.txt"
 VENV = ROOT / ".venv"
 OLDEST, NEWEST = (3, 11), (3, 14)
 JUPYTER = Path(__file__).with_name("jupyter")
-COMMANDS = ("lab", "show", "page", "run", "new", "report", "site", "test", "setup", "help")
+COMMANDS = ("lab", "show", "page", "run", "new", "report", "key", "site", "test", "setup", "help")
 
 
 class SetupError(Exception):
@@ -101,7 +102,7 @@ def start(command: str, words: list[str]) -> int:
         if refresh():
             print("labkit: notebooks/start.ipynb lists the notebooks that there are now")
         return min(failed, 1)
-    if command in ("page", "new", "report", "site"):
+    if command in ("page", "new", "report", "key", "site"):
         return written(globals()[command], words)
     return 0  # setup
 
@@ -371,13 +372,13 @@ def show(words: list[str]) -> int:
     return become(command, lab_environment())
 
 
-def written(command: Callable[[list[str]], Iterable[Path]], words: list[str]) -> int:
-    """Run a command that writes files, and say where they are; what goes wrong is a SetupError."""
+def written(command: Callable[[list[str]], Iterable[object]], words: list[str]) -> int:
+    """Run a command and say what it has made; what goes wrong is a SetupError."""
     from labkit.model import ModelError
 
     try:
-        for path in command(words):
-            print(f"labkit: {path}", flush=True)
+        for made in command(words):
+            print(f"labkit: {made}" if isinstance(made, Path) else made, flush=True)
     except ModelError as error:
         raise SetupError(str(error)) from None
     return 0
@@ -407,6 +408,16 @@ def report(words: list[str]) -> Iterable[Path]:
         raise SetupError("say the folder of your project: report my-project")
     warm()
     return write(words[0])
+
+
+def key(words: list[str]) -> Iterable[object]:
+    """The answers of a project, for its own values or for those of a student's folder."""
+    from .key import key as keys
+
+    if len(words) != 1:
+        raise SetupError("say the number of a project or a student's folder: key 13")
+    warm()
+    return keys(int(words[0]) if words[0].isdigit() else words[0])
 
 
 def site(words: list[str]) -> Iterable[Path]:

@@ -45,7 +45,7 @@ class Check:
         """Beside it, while a report is being made, what that lists."""
         if os.environ.get("LABKIT_RECORD") != "1":
             return {}
-        return {MIME: {"ok": self.ok, "answer": repr(self.answer), "right": repr(self.right)}}
+        return {MIME: {"ok": self.ok, "answer": _short(self.answer), "right": _short(self.right)}}
 
 
 def check(answer: Any, right: Any, *, rel: float = 1e-2, abs: float = 0.0, hint: str = "") -> Check:
@@ -166,6 +166,17 @@ def _complex(value: Any) -> complex | None:
 
 def _parts(value: complex) -> tuple[float, float]:
     return value.real, value.imag
+
+
+def _short(value: Any) -> str:
+    """A value in a table: numbers with six digits."""
+    if _many(value):
+        return ", ".join(map(_short, sorted(value) if isinstance(value, Set) else value))
+    plain = isinstance(value, str | bool | None) or type(value).__name__ in ("bool_", "bool")
+    number = None if plain else _complex(value)
+    if number is None:
+        return str(value)
+    return f"{number.real:.6g}" if not number.imag else f"{number:.6g}"
 
 
 def _said(answer: Any) -> str:

@@ -144,20 +144,28 @@ def pre_save_hook(model: MutableMapping[str, Any], **_: object) -> None:
         strip(model["content"])
 
 
-def executed(path: str | os.PathLike, timeout: float = 300.0, **environment: str) -> Any:
+def executed(
+    path: str | os.PathLike,
+    timeout: float = 300.0,
+    notebook: Any = None,
+    allow_errors: bool = False,
+    **environment: str,
+) -> Any:
     """executed("notebooks/start.ipynb") -> the notebook, run from the top in a fresh kernel.
 
     The kernel works in the notebook's folder, with more variables of the environment if need be.
-    Raises nbclient's CellExecutionError with the cell's traceback.
+    `notebook`: a changed copy that runs in its place. Raises nbclient's CellExecutionError with the
+    cell's traceback, unless errors are allowed: then the cells after it run as well.
     """
     import nbformat
     from nbclient import NotebookClient
 
     path = Path(path)
-    notebook = nbformat.read(path, as_version=4)
+    notebook = nbformat.read(path, as_version=4) if notebook is None else notebook
     client = NotebookClient(
         notebook,
         timeout=timeout,
+        allow_errors=allow_errors,
         kernel_name="python3",
         store_widget_state=False,
         resources={"metadata": {"path": str(path.parent)}},

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
-from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from nbclient.exceptions import CellTimeoutError, DeadKernelError
 
 from .answers import MARKS
 from .answers import MIME as CHECK
@@ -36,7 +36,7 @@ from .recorded import MIME, script, style
 from .run import _write
 from .site import RecordedPage, in_one_line
 
-__all__ = ["report"]
+__all__ = ["asked", "report", "with_results"]
 
 RAN = ".labkit"  # the folder of notebooks with results, beside the student's own
 _IMAGE = re.compile(r'<div class="jp-RenderedImage[^"]*"[^>]*>\s*(<img[^>]*>)\s*</div>')
@@ -46,7 +46,7 @@ _MAIN = re.compile(r"<main[^>]*>(.*)</main>", re.DOTALL)
 
 @dataclass
 class Ran:
-    """A notebook with its results; `trouble` says why they are those of an earlier time."""
+    """A notebook with its results; `trouble` says which cells failed."""
 
     path: Path
     notebook: Any
@@ -60,9 +60,9 @@ class Ran:
 def report(folder: str | os.PathLike, say: Callable[[str], object] = print) -> list[Path]:
     """report("my-project") -> [report.html, slides.html, and report.pdf where a browser is found].
 
-    Runs the notebooks that have changed since the last call. One that fails keeps the results that
-    it had, and the report says so. Raises ModelError for a folder without notebooks or one that
-    cannot be written.
+    Runs the notebooks that have changed since the last call. After a cell that fails the others run
+    as well, and the report says which it was. Raises ModelError for a folder without notebooks or
+    one that cannot be written.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -96,26 +96,42 @@ def with_results(path: Path) -> Ran:
     old = nbformat.read(kept, as_version=4) if kept.is_file() else None
     if old is not None and old.metadata.get("labkit_ran") == digest:
         _take_marks(old, notebook)
-        return Ran(path, old)
+        return Ran(path, old, _said(path, old))
     try:
-        notebook = executed(path, LABKIT_RECORD="1")
-    except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
-        return Ran(path, old or notebook, _trouble(path, error, old is not None))
+        notebook = executed(path, allow_errors=True, LABKIT_RECORD="1")
+    except (CellTimeoutError, DeadKernelError) as error:
+        shown = "an earlier run" if old is not None else "what the file has saved"
+        trouble = f"{path.name} did not run to its end: {in_one_line(error)}; shown is {shown}"
+        return Ran(path, old or notebook, trouble)
     notebook.metadata["labkit_ran"] = digest
+    notebook.metadata["labkit_trouble"] = _errors(notebook)
     kept.parent.mkdir(exist_ok=True)
     _write(kept, nbformat.writes(notebook).encode())
-    return Ran(path, notebook)
+    return Ran(path, notebook, _said(path, notebook))
+
+
+def _errors(notebook: Any) -> list[str]:
+    """Which cells failed; in the page their tracebacks are one line."""
+    found = []
+    for number, cell in enumerate(notebook["cells"], 1):
+        for k, output in enumerate(cell.get("outputs", [])):
+            if output["output_type"] == "error":
+                said = f"{output['ename']}: {output['evalue']}".strip(": ")
+                found.append(f"cell {number}: {said}")
+                text = f"This cell failed. {said}\n"
+                cell["outputs"][k] = nbformat.v4.new_output("stream", name="stderr", text=text)
+    return found
+
+
+def _said(path: Path, notebook: Any) -> str:
+    found = notebook.metadata.get("labkit_trouble")
+    return f"{path.name}, what failed: {'; '.join(found)}" if found else ""
 
 
 def _take_marks(old: Any, new: Any) -> None:
     """The marks of slides may have changed without the cells."""
     for mine, fresh in zip(old["cells"], new["cells"], strict=True):
         mine["metadata"] = fresh["metadata"]
-
-
-def _trouble(path: Path, error: Exception, earlier: bool) -> str:
-    shown = "an earlier run" if earlier else "what the file has saved"
-    return f"{path.name} did not run to its end: {in_one_line(error)}; shown is {shown}"
 
 
 # ---- the report
@@ -185,11 +201,11 @@ def _checks(cells: list[Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     for cell in cells:
         for output in cell.get("outputs", []):
             if CHECK in output.get("data", {}):
-                yield _asked(cell["source"]), output["data"][CHECK]
+                yield asked(cell["source"]), output["data"][CHECK]
 
 
-def _asked(source: str) -> str:
-    """The first argument of the last `check` of a cell."""
+def asked(source: str) -> str:
+    """asked("check(my_period, 4.7)") -> "my_period", of the last `check` of a cell."""
     try:
         calls = [
             node

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labkit import check
+from labkit.answers import MIME
 
 SIZES = st.floats(1e-200, 1e200) | st.floats(-1e200, -1e-200)
 
@@ -96,3 +97,19 @@ def test_a_right_answer_that_came_out_as_nothing_is_said():
 
 def test_it_shows_itself_in_markdown():
     assert check(4.7, 4.7)._repr_markdown_() == "**✓** `4.7` is right."
+
+
+def test_what_a_report_lists(monkeypatch):
+    made = check([1.0, np.float64(2)], [1, 2.123456789])
+    assert made._repr_mimebundle_() == {}
+    monkeypatch.setenv("LABKIT_RECORD", "1")
+    assert made._repr_mimebundle_() == {
+        MIME: {"ok": False, "answer": "1, 2", "right": "1, 2.12346"}
+    }
+    assert check(None, 1 - 2j)._repr_mimebundle_()[MIME]["right"] == "1-2j"
+    assert check("so", {"so"})._repr_mimebundle_()[MIME]["right"] == "so"
+    assert check(True, np.True_)._repr_mimebundle_()[MIME] == {
+        "ok": True,
+        "answer": "True",
+        "right": "True",
+    }

@@ -59,7 +59,8 @@ def test_it_says_what_it_does_and_what_failed(made):
     assert ("report.pdf" in [path.name for path in paths]) == (find_browser() is not None)
     assert said[0] == "1 of 2: one.ipynb" and "division by zero" in said[2]
     text = paths[0].read_text(encoding="utf-8")
-    assert "two.ipynb did not run to its end: ZeroDivisionError: division by zero" in text
+    assert "two.ipynb, what failed: cell 4: ZeroDivisionError: division by zero" in text
+    assert "This cell failed. ZeroDivisionError" in text and "Traceback" not in text
     assert "First: a swing" in text and "Second" in text
 
 
@@ -70,7 +71,7 @@ def test_the_report_has_contents_figures_formulas_and_answers(made):
     assert "<b>Figure 1.</b> A swing" in text and 'id="figure-2"' in text and "<math>" in text
     assert "Predictions and answers" in text and "1 of 2 right" in text
     row = text[text.index("<td>my_period</td>") :]
-    assert row.startswith("<td>my_period</td><td>3.0</td><td>3.14159</td><td>✓</td>")
+    assert row.startswith("<td>my_period</td><td>3</td><td>3.14159</td><td>✓</td>")
     assert "<td>my_word</td><td>–</td><td></td><td>…</td>" in text
     assert "labkit-recording" not in text[text.index("<main") :]
     assert "http://" not in text.replace("http://www.w3.org", "")
@@ -83,7 +84,7 @@ def test_only_what_has_changed_runs_again(made, monkeypatch):
         "labkit.report.executed",
         lambda path, **_: ran.append(path.name) or (_ for _ in ()).throw(AssertionError),
     )
-    write(folder / "two.ipynb", TWO[:3])
+    write(folder / "two.ipynb", TWO[:3])  # the failing one has run, too, and is not run again
     with pytest.raises(AssertionError):
         report(folder, lambda text: None)
     assert ran == ["two.ipynb"]

@@ -1,0 +1,196 @@
+"""A teacher's key: the answers of a project, for the values that a student has chosen.
+
+for each in key(13): print(each)              # python -m labkit key 13: the workbook's own values
+for each in key("project-13"): print(each)    # of a student's folder: the key beside the student's
+
+The workbook's notebook runs with the student's parameters and start put into its models; what its
+checked cells print then stands beside what the student's notebook prints.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import nbformat
+
+from .answers import MARKS
+from .answers import MIME as CHECK
+from .course import project
+from .model import ModelError
+from .notebooks import ROOT, executed, found
+from .report import asked, with_results
+
+__all__ = ["Key", "key"]
+
+MODELS = ("system", "system_two")
+CHECKED = "# NBVAL_CHECK_OUTPUT"
+MARK = "labkit: values of the models: "
+#: Appended to a student's notebook: the values of its models, as a line of JSON
+ASK = f"""\
+import json as _json
+print({MARK!r} + _json.dumps({{
+    _name: {{"values": {{_k: float(_v) for _k, _v in globals()[_name].values()._asdict().items()}},
+             "start": {{_k: float(_v) for _k, _v in globals()[_name].start.items()}}}}
+    for _name in {MODELS!r} if _name in globals()}}))"""
+
+
+@dataclass(frozen=True)
+class Key:
+    """The key to one notebook: `changed` values, checked lines and answers, right and given."""
+
+    name: str
+    changed: list[str]
+    lines: list[tuple[str, str]]  # what the key prints, what the student's notebook prints
+    answers: list[tuple[str, str, str, str]]  # name, right, given, mark
+    trouble: str = ""
+
+    def __str__(self) -> str:
+        text = [f"== {self.name}"]
+        text += [f"   {self.trouble}"] if self.trouble else []
+        text += [f"   changed: {', '.join(self.changed)}"] if self.changed else []
+        for right, given in self.lines:
+            text += [f"   {right}"] if right == given else [f"   key: {right}", f"   has: {given}"]
+        for name, right, given, mark in self.answers:
+            text.append(f"   {mark or ' '} {name}: {right}" + (f"   has: {given}" if given else ""))
+        return "\n".join(text)
+
+
+def key(which: int | str | os.PathLike) -> Iterator[Key]:
+    """key(13) or key("project-13") -> the Key of each notebook, one after the other.
+
+    Raises ModelError for a number that is no project, and for a folder without a student's copies.
+    """
+    if isinstance(which, int):
+        for a in project(which).assignments:
+            yield _own_values(a.notebook, f"{a.path}: {a.title}")
+        return
+    there = [path for path in found(which) if path.parent == Path(which)]
+    copies = {path: name for path in there if (name := _assignment(path))}
+    if not copies:
+        raise ModelError(
+            f"{str(which)!r} has no copies that `python -m labkit new` made: say such a folder, or "
+            "a project's number"
+        )
+    for path, name in copies.items():
+        yield _students(path, ROOT / "notebooks" / f"{name}.ipynb")
+
+
+def _assignment(path: Path) -> str:
+    try:
+        page = json.loads(path.read_text(encoding="utf-8"))
+        return str(page["metadata"].get("labkit", {}).get("assignment", ""))
+    except (ValueError, KeyError, AttributeError):
+        return ""
+
+
+def _own_values(path: Path, name: str) -> Key:
+    notebook = executed(path, LABKIT_RECORD="1")
+    answers = [(asked_for, right, "", "") for asked_for, right, _, _ in _answers(notebook.cells)]
+    return Key(name, [], [(line, line) for line in _checked(notebook.cells)], answers)
+
+
+def _students(path: Path, original: Path) -> Key:
+    """The key with the student's values, beside what the student's notebook has."""
+    theirs = with_results(path)
+    chosen, default = _values(path), _values(original)
+    changed = [
+        f"{name}: {what} = {value:g} (workbook {default[name][part].get(what, float('nan')):g})"
+        for name, parts in chosen.items()
+        if name in default
+        for part in ("values", "start")
+        for what, value in parts[part].items()
+        if default[name][part].get(what) != value
+    ]
+    right = _run_with(original, chosen).cells
+    pairs = _beside(_checked(right), _checked(theirs.cells))
+    given = {name: (answer, mark) for name, _, answer, mark in _answers(theirs.cells)}
+    answers = [
+        (name, value, *given.get(name, ("–", MARKS[None]))) for name, value, _, _ in _answers(right)
+    ]
+    return Key(path.name, changed, pairs, answers, theirs.trouble)
+
+
+def _values(path: Path) -> dict[str, dict[str, dict[str, float]]]:
+    """Values and start of a notebook's models, after its last cell."""
+    notebook = nbformat.read(path, as_version=4)
+    notebook.cells.append(nbformat.v4.new_code_cell(ASK))
+    for output in executed(path, notebook=notebook, allow_errors=True).cells[-1]["outputs"]:
+        text = output.get("text", "")
+        if text.startswith(MARK):
+            return json.loads(text.removeprefix(MARK))
+    return {}
+
+
+def _run_with(original: Path, chosen: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Any:
+    """The workbook's notebook, with other values in its models as soon as they are made."""
+    notebook, cells = nbformat.read(original, as_version=4), []
+    for cell in notebook.cells:
+        cells.append(cell)
+        for name in _makes(cell):
+            if name in chosen:
+                cells.append(nbformat.v4.new_code_cell(_put(name, chosen[name])))
+    notebook.cells = cells
+    return executed(original, notebook=notebook, allow_errors=True, LABKIT_RECORD="1")
+
+
+def _makes(cell: Any) -> list[str]:
+    """The models to which a cell gives a name."""
+    if cell["cell_type"] != "code":
+        return []
+    return [
+        target.id
+        for node in ast.parse(cell["source"]).body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name) and target.id in MODELS
+    ]
+
+
+def _put(name: str, chosen: Mapping[str, Mapping[str, float]]) -> str:
+    return (
+        f"{name} = {name}.variant({name}.name, "
+        f"parameters={{k: v for k, v in {dict(chosen['values'])!r}.items() "
+        f"if k in {name}.parameters}}, "
+        f"start={{k: v for k, v in {dict(chosen['start'])!r}.items() if k in {name}.start}})"
+    )
+
+
+def _checked(cells: list[Any]) -> list[str]:
+    """The lines that the checked cells print."""
+    return [
+        line
+        for cell in cells
+        if cell["cell_type"] == "code" and CHECKED in cell["source"]
+        for output in cell["outputs"]
+        for line in _said(output).splitlines()
+    ]
+
+
+def _said(output: Any) -> str:
+    if output["output_type"] == "error":
+        return f"no answer for these values: {output['ename']}: {output['evalue']}"
+    return output.get("text", "")
+
+
+def _answers(cells: list[Any]) -> Iterator[tuple[str, str, str, str]]:
+    for cell in cells:
+        for output in cell.get("outputs", []):
+            if CHECK in output.get("data", {}):
+                check = output["data"][CHECK]
+                given = "–" if check["ok"] is None else check["answer"]
+                yield asked(cell["source"]), check["right"], given, MARKS[check["ok"]]
+
+
+def _beside(right: list[str], given: list[str]) -> list[tuple[str, str]]:
+    """Line by line, as far as both have lines."""
+    longest = max(len(right), len(given))
+    return [
+        (right[k] if k < len(right) else "–", given[k] if k < len(given) else "–")
+        for k in range(longest)
+    ]
