@@ -14,6 +14,7 @@ from labkit import Ended, ModelError, from_points, simulate
 from .helpers import load
 
 LIMIT = "part2/1e_saturation"
+LATE = "part2/1f_saturation_hysteresis"
 few = settings(max_examples=15, deadline=None)
 sizes = st.floats(0.3, 2.0)
 
@@ -206,3 +207,154 @@ def test_a_curve_of_ones_own_holds_less_on_its_weak_side():
 def test_a_list_that_is_no_characteristic_is_refused_with_a_reason(lists, words):
     with pytest.raises(ModelError, match=words):
         from_points(*lists)
+
+
+# ---- 1.f: the lag
+
+
+def lines(d=1.0, a=0.4):
+    """The formula of 1.f for `walk`, from the handbook: three pieces a direction, K = 1."""
+    found = {}
+    for way, arrow, back in ((1, "→", "←"), (-1, "←", "→")):
+        low, high = way * d * a - a, way * d * a + a
+        slope = (1 / a, -way * d)
+        pieces = (
+            ((0.0, -1.0), -math.inf, low),
+            (slope, low, high),
+            ((0.0, 1.0), high, math.inf),
+        )
+        for k, (piece, left, right) in enumerate(pieces):
+            wall, after = (right, k + 1) if way > 0 else (left, k - 1)
+
+            def exits(turn, piece=piece, wall=wall, way=way, back=back, after=after, arrow=arrow):
+                place = turn_of(back, d, a)
+                return piece, [(True, wall, way, f"{arrow}{after}"), (False, 0.0, -way, place)]
+
+            found[f"{arrow}{k}"] = exits
+    return found
+
+
+def turn_of(arrow, d, a):
+    """All turns of these tests lie outside the loop: F stays as it was."""
+    return "←2" if arrow == "←" else "→0"
+
+
+def teeth(d=1.0, a=0.4):
+    """The play with a limit, for `walk`, from its meaning: the driven wheel rests in the gap."""
+    gap, full = d * a, (1 + d) * a
+
+    def inside(turn):
+        w = turn - gap if turn > 0 else turn + gap  # turned at the right or at the left tooth
+        return (0.0, w / a), [(True, w + gap, 1, "right"), (True, w - gap, -1, "left")]
+
+    return {
+        "top": lambda turn: ((0.0, 1.0), [(True, a - gap, -1, "left")]),
+        "bottom": lambda turn: ((0.0, -1.0), [(True, gap - a, 1, "right")]),
+        "right": lambda turn: ((1 / a, -d), [(True, full, 1, "top"), (False, 0.0, -1, "gap")]),
+        "left": lambda turn: ((1 / a, d), [(True, -full, -1, "bottom"), (False, 0.0, 1, "gap")]),
+        "gap": inside,
+    }
+
+
+def test_the_formulas_default_run_at_a_hundred_seconds_is_exact():
+    system = load(LATE)["system"]
+    x, v, seen = walk(lines(), "←2", system.values()._asdict(), 100.0)
+    run = simulate(system, 100.0, rtol=1e-10)
+    assert [run.final["x"], run.final["v"]] == pytest.approx([x, v], abs=1e-7)
+    through = sum("through" in event.transition for event in run.events)
+    assert through + len(run.events["stop"].t) == len(seen)
+
+
+@pytest.mark.parametrize("x, k3", [(1.0, 0.5), (0.7, 0.1), (0.45, 0.05)])
+def test_the_gear_is_the_play_followed_by_a_limit(x, k3):
+    gear = load(LATE)["gear"]
+    p = gear.values({"k3": k3})._asdict()
+    right = walk(teeth(), "top" if x > 0.8 else "gap", p, 60.0, x=x)
+    run = simulate(gear, 60.0, k3=k3, start={"x": x}, rtol=1e-11)
+    assert [run.final["x"], run.final["v"]] == pytest.approx(right[:2], abs=1e-7)
+    names = {"→ slope": "right", "← slope": "left", "in the gap": "gap", "F = K": "top",
+             "F = -K": "bottom"}  # fmt: skip
+    entered = [names[mode] for mode in run.mode[1:][run.mode[1:] != run.mode[:-1]]]
+    assert [mode for mode in entered if mode != "gap"] == [m for m in right[2] if m != "gap"]
+
+
+@few
+@given(st.floats(0.02, 0.39))
+def test_within_the_gap_the_gear_gives_nothing(x):
+    run = simulate(load(LATE)["gear"], 50.0, k3=0.0, start={"x": x}, rtol=1e-11)
+    assert not run.events and run.at(14 * math.pi)["x"] == pytest.approx(x, abs=1e-8)
+
+
+@few
+@given(st.floats(0.3, 4.0), sizes, st.floats(0.2, 0.8), st.floats(0.0, 1.5))
+def test_the_free_pendulum_turns_where_the_energy_says(A, K, a, d):
+    """Work by quadrature of the printed formula."""
+    book = load(LATE)
+    p = book["system"].values({"K": K, "a": a, "d": d})
+    if (K * d) / (K / a + 1) * 1.05 >= A:  # it may begin to either side
+        return
+
+    def F(x):
+        return min(K, max(-K, K * (x - d * a) / a))
+
+    B = book["next_turn"](A, p)
+    cuts = [q for q in ((d - 1) * a, (d + 1) * a) if -A < q < B]
+    work = sum(quad(F, low, high)[0] for low, high in zip([-A, *cuts], [*cuts, B], strict=True))
+    assert -work - B * B / 2 + A * A / 2 == pytest.approx(0, abs=1e-9)
+    run = simulate(book["system"], 8.0, K=K, a=a, d=d, k3=0.0, start={"x": A}, rtol=1e-11)
+    assert abs(run.events["stop"].before["x"][0]) == pytest.approx(B, abs=1e-7)
+
+
+def half_swing(A, delta):
+    """(next turn, time) with friction, from the line for x' > 0, by SciPy."""
+
+    def flow(t, y):
+        F = min(1.0, max(-1.0, y[0] / 0.4 - 1))
+        return [y[1], -F - y[0] - delta * y[1]]
+
+    def stops(t, y):
+        return y[1]
+
+    stops.terminal, stops.direction = True, -1
+    done = solve_ivp(flow, (0, 100), [-A, 0.0], events=stops, rtol=1e-11, atol=1e-13,
+                     max_step=0.02)  # fmt: skip
+    return done.y[0, -1], done.t[-1]
+
+
+@pytest.mark.parametrize("row", range(6))
+def test_the_self_oscillation_is_the_fixed_point_of_the_half_swing(row):
+    delta, A, _, T, _ = load(LATE)["rows_of_friction"][row]
+    B, half = half_swing(A, delta)
+    assert pytest.approx(A, rel=1e-6) == B
+    assert 2 * half == pytest.approx(T, rel=1e-4)
+    assert B > 2 / 7
+
+
+def test_strong_friction_stops_the_gear_and_not_the_formula():
+    book = load(LATE)
+    stop = book["solutions"]["stop"]
+    for name, model in book["pair"].items():
+        for delta in (0.95 * stop, 1.05 * stop):
+            run = simulate(model, 400.0, k3=0.0, delta=delta)
+            size = np.abs(run["x"][run.t > 380]).max()
+            assert (size > 0.3) == (name == "formula" or delta < stop)
+
+
+def test_the_swing_follows_the_force_within_a_band_and_keeps_no_phase_of_its_own():
+    book = load(LATE)
+    for k4, follows in ((1.22, True), (1.36, True), (1.12, False), (1.5, False)):
+        run = simulate(book["clock"], 500.0, k4=k4, rtol=1e-10)
+        t = 400.0 + np.linspace(0, 40, 100)
+        gap = np.abs(run.at(t)["x"] - run.at(t + 2 * math.pi / k4)["x"]).max()
+        assert (gap < 1e-4) == follows
+    assert book["gaps"][1] < 1e-6 < 0.1 < book["gaps"][0]
+
+
+def test_with_the_other_sign_the_formula_stands_where_its_lines_hold_it():
+    book = load(LATE)
+    for x in (-0.66, 0.0, 0.4, 0.66):
+        run = simulate(book["system"], 20.0, k1=1.0, k3=0.0, start={"x": x})
+        assert np.ptp(run["x"]) == 0 and run.mode[-1] == "at rest"
+        assert run["F"][-1] == pytest.approx(x)
+    run = simulate(book["system"], 20.0, k1=1.0, k3=0.0, start={"x": 0.68})
+    assert np.ptp(run["x"]) > 0.01
