@@ -23,6 +23,7 @@ _HOMES = {
     "equations": "equations jacobian parameter_table",
     "diagram": "mode_diagram",
     "solve": "METHODS simulate simulate_many",
+    "exports": "repeated",
     "run": "Ended Event Run Touch Work load_npz",
     "runs": "Runs",
     "table": "Table",

@@ -4,12 +4,11 @@ run = simulate(ball, 12.0, e=0.9)
 run.t, run["y"], run.at(3.2)["v"], run.events["bounce"].t, run.mode
 run.ended is Ended.FINISHED, run.stopped; run.options; run.again(e=0.7)
 run.to_csv("ball.csv"); run.to_npz("ball.npz"); load_npz("ball.npz")["y"]; run.to_frame()
+run.to_parquet("ball.parquet"); repeated(ball, "ball.csv")
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -17,9 +16,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from . import exports
 from .ledger import Event, Touch
 from .model import ModelError, System, listed
 
@@ -225,50 +226,29 @@ class Run:
     def to_csv(self, path: str | os.PathLike) -> Path:
         """run.to_csv("ball.csv") -> path: UTF-8, a header with units, numbers to the last bit.
 
-        The file is written whole or not at all. Raises ModelError when it cannot be written.
+        The first line is a comment that says how the run was made: see exports.py. The file is
+        written whole or not at all. Raises ModelError when it cannot be written.
         """
         columns = self.columns()
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(
-            [
-                n
-                if n in ("j", "mode")
-                else f"{n} [{self.system.unit(n)}]"
-                if self.system.unit(n)
-                else n
-                for n in columns
-            ]
-        )
-        writer.writerows(zip(*(c.tolist() for c in columns.values()), strict=True))
-        return _write(path, text.getvalue().encode())
+        units = {name: self.system.unit(name) for name in columns if name not in ("j", "mode")}
+        heads = [f"{name} [{unit}]" if (unit := units.get(name)) else name for name in columns]
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        return _write(path, exports.lines(heads, rows, exports.how(self)))
 
     def to_npz(self, path: str | os.PathLike) -> Path:
-        """run.to_npz("ball.npz") -> path: columns, parameters and the ledger, for `load_npz`.
+        """run.to_npz("ball.npz") -> path: columns, parameters, ledger and how, for `load_npz`.
 
         The file is written whole or not at all. Raises ModelError when it cannot be written.
         """
-        data = io.BytesIO()
-        parameters = {
-            f"p.{name}": value for name, value in zip(self.p._fields, self.p, strict=True)
-        }
-        ledger = {
-            "event.t": [e.t for e in self.events],
-            "event.transition": np.array([e.transition for e in self.events], dtype=str),
-        }
-        np.savez_compressed(data, **self.columns(), **parameters, **ledger, stopped=self.stopped)
-        return _write(path, data.getvalue())
+        return _write(path, exports.zipped(self, self.columns()))
 
-    def to_frame(self):
+    def to_frame(self) -> Any:
         """run.to_frame() -> pandas.DataFrame of all columns; ModelError without pandas."""
-        try:
-            import pandas
-        except ImportError:
-            raise ModelError(
-                "a data frame needs pandas: pip install pandas "
-                "(run.to_csv and run.columns() work without)"
-            ) from None
-        return pandas.DataFrame(self.columns())
+        return exports.frame(self.columns(), exports.how(self))
+
+    def to_parquet(self, path: str | os.PathLike) -> Path:
+        """run.to_parquet("ball.parquet") -> path; ModelError without pyarrow."""
+        return _write(path, exports.parquet(self.columns(), exports.how(self)))
 
     def __len__(self) -> int:
         return len(self.t)

@@ -6,9 +6,7 @@ m.values, m.axes, m.reasons; m.picture("d", "R", contour=[30, 40, 60]); m.to_csv
 
 from __future__ import annotations
 
-import csv
 import inspect
-import io
 import itertools
 import os
 from collections.abc import Collection, Mapping
@@ -19,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .exports import frame, lines
 from .model import ModelError, System, listed
 from .portions import Lane, Measure, Task, portions
 from .progress import Progress
@@ -106,18 +105,24 @@ class Sweep:
 
         The file is written whole or not at all. Raises ModelError when it cannot be written.
         """
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        heads = [f"{n} [{u}]" if (u := self.units.get(n)) else n for n in self.axes]
-        writer.writerow(
-            [*heads, *(name or self.name or "value" for name in self.results), "reason"]
-        )
-        values = list(self.axes.values())
-        for place in np.ndindex(self.shape):
-            at = [axis[k].item() for axis, k in zip(values, place, strict=True)]
-            found = [result[place] for result in self.results.values()]
-            writer.writerow([*at, *found, self.reasons.get(place, "")])
-        return _write(path, text.getvalue().encode())
+        columns = self.columns()
+        heads = [f"{name} [{u}]" if (u := self.units.get(name)) else name for name in columns]
+        return _write(path, lines(heads, zip(*columns.values(), strict=True)))
+
+    def columns(self) -> dict[str, list]:
+        """m.columns() -> {"d": […], "R": […], result: […], "reason": […]}, a value for each run."""
+        places = list(np.ndindex(self.shape))
+        made = {
+            name: [axis[place[k]].item() for place in places]
+            for k, (name, axis) in enumerate(self.axes.items())
+        }
+        for name, result in self.results.items():
+            made[name or self.name or "value"] = [result[place] for place in places]
+        return {**made, "reason": [self.reasons.get(place, "") for place in places]}
+
+    def to_frame(self) -> Any:
+        """m.to_frame() -> pandas.DataFrame, a line for each run; ModelError without pandas."""
+        return frame(self.columns())
 
     def __repr__(self) -> str:
         grid = " × ".join(f"{len(axis)} {name}" for name, axis in self.axes.items())
