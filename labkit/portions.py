@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
@@ -152,18 +153,42 @@ def _elsewhere(
         for lanes, options in jobs
         for k in range(0, len(lanes), size)
     ]
-    running: dict[Future, np.ndarray] = {}
+    running: dict[Future, Job] = {}
+    lost = ""  # why runs are made here that should have been made elsewhere
     try:
         while waiting or running:
-            while waiting and len(running) < 2 * workers:
-                which, options = waiting.pop(0)
+            while waiting and not lost and len(running) < 2 * workers:
+                which, options = waiting[0]
                 more = {"workers": 1} | options
-                running[executor.submit(_remote, sent, len(which), cut(which), more)] = which
+                try:
+                    future = executor.submit(_remote, sent, len(which), cut(which), more)
+                except RuntimeError as error:  # it is broken, or was shut down
+                    lost = _said(error)
+                    break
+                running[future] = waiting.pop(0)
             for future in wait(running, 0.1, FIRST_COMPLETED).done:
-                yield running.pop(future), future.result()
+                which, options = running.pop(future)
+                try:
+                    yield which, future.result()
+                except Exception as error:  # of the executor: what a run raises is its reason
+                    lost = _said(error)
+                    waiting.insert(0, (which, options))
+            if lost and waiting:
+                which, options = waiting.pop(0)
+                yield which, task.run(len(which), cut(which), options)[0]
     finally:
+        if lost:
+            warnings.warn(
+                f"the executor has lost a worker ({lost}): the runs that were missing were made "
+                "in this process",
+                stacklevel=4,
+            )
         for future in running:
             future.cancel()
+
+
+def _said(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 def _packed(task: Task) -> bytes:

@@ -1,6 +1,8 @@
 """Sweeps: every lane of the grid is the run that simulate makes, and what fails says why."""
 
 import csv
+import multiprocessing
+import os
 import pickle
 import sys
 from _thread import interrupt_main
@@ -201,6 +203,82 @@ def test_an_executor_gives_the_same(kind):
         there = sweep(
             oscillator, 8.0, first_zero, delta=deltas, omega=omegas, points=2001, executor=executor
         )
+    np.testing.assert_array_equal(here.values, there.values)
+
+
+def dies(run):
+    """A measure that ends the process it runs in, unless that is the parent's."""
+    if os.getpid() != PARENT:
+        os._exit(1)
+    return run.final["x"]
+
+
+def dies_once(run):
+    """Of three workers the first that comes here ends."""
+    try:
+        os.close(os.open(os.environ["LABKIT_TEST_MARK"], os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        return run.final["x"]
+    os._exit(1)
+
+
+PARENT = os.getpid()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="workers do not know the parent's number")
+@pytest.mark.parametrize("measure", [dies, dies_once])
+def test_a_lost_worker_loses_no_result(measure, tmp_path, monkeypatch):
+    monkeypatch.setenv("LABKIT_TEST_MARK", str(tmp_path / "mark"))
+    fork = multiprocessing.get_context("fork")
+    with (
+        ProcessPoolExecutor(2, mp_context=fork) as executor,
+        pytest.warns(UserWarning, match="has lost a worker .*made in this process"),
+    ):
+        there = sweep(oscillator, 3.0, measure, delta=deltas, omega=omegas, executor=executor)
+    here = sweep(oscillator, 3.0, lambda run: run.final["x"], delta=deltas, omega=omegas)
+    np.testing.assert_array_equal(here.values, there.values)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two workers of Dask in processes of their own."""
+    if os.environ.get("LABKIT_EXTRAS") != "1":  # .ci/run installs it, and then it must be there
+        pytest.importorskip("distributed")
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(2, threads_per_worker=1, dashboard_address=None, processes=True) as made,
+        Client(made) as client,
+    ):
+        yield client
+
+
+def test_dask_gives_the_same_numbers_for_a_model_with_lambdas(cluster):
+    lambdas = oscillator.variant(
+        "lambdas", modes={"swings": lambda t, s, p: (s.v, -2 * p.delta * s.v - p.omega**2 * s.x)}
+    )
+    options = {"delta": deltas, "omega": omegas, "points": 2001}
+    here = sweep(lambdas, 8.0, lambda run: run.final["x"], **options)
+    there = sweep(
+        lambdas, 8.0, lambda run: run.final["x"], executor=cluster.get_executor(), **options
+    )
+    np.testing.assert_array_equal(here.values, there.values)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a worker is killed by a signal")
+def test_a_worker_of_dask_that_is_killed_loses_no_result(cluster, tmp_path, monkeypatch):
+    mark = str(tmp_path / "mark")
+
+    def once(run):
+        try:
+            os.close(os.open(mark, os.O_CREAT | os.O_EXCL))
+        except FileExistsError:
+            return run.final["x"]
+        os._exit(1)
+
+    options = {"delta": deltas, "omega": omegas, "progress": False}
+    there = sweep(oscillator, 3.0, once, executor=cluster.get_executor(), **options)
+    here = sweep(oscillator, 3.0, lambda run: run.final["x"], **options)
     np.testing.assert_array_equal(here.values, there.values)
 
 
