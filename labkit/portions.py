@@ -5,13 +5,17 @@ for which, lanes in portions(task, columns, jobs, executor): …
 
 from __future__ import annotations
 
+import io
+import linecache
 import os
 import pickle
+import types
 import warnings
+from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from time import perf_counter
 from typing import Any
 
@@ -192,18 +196,45 @@ def _said(error: BaseException) -> str:
 
 
 def _packed(task: Task) -> bytes:
+    """The task as bytes. Functions of a notebook travel with their text, to be compiled there."""
     try:
-        import cloudpickle as packer
+        import cloudpickle
     except ImportError:
-        packer = pickle
+        dumps = pickle.dumps
+    else:
+        dumps = partial(_with_text, cloudpickle)
     try:
-        return packer.dumps(task)
+        return dumps(task)
     except Exception as error:  # pickle raises what it likes
         raise ModelError(
             f"the model cannot be sent to other processes ({error}). Write its functions and "
             "measure with def in a module of their own, or install cloudpickle, or take a "
             "ThreadPoolExecutor: compiled runs share the processors in threads, too"
         ) from None
+
+
+def _with_text(cloudpickle: Any, task: Task) -> bytes:
+    """By cloudpickle, which forgets where code was written."""
+
+    def reduced(code: types.CodeType) -> tuple:
+        place = code.co_filename
+        return _rewritten, (*table[types.CodeType](code), place, linecache.getlines(place))
+
+    class Packer(cloudpickle.Pickler):
+        pass
+
+    table = cloudpickle.Pickler.dispatch_table
+    Packer.dispatch_table = ChainMap({types.CodeType: reduced}, table)
+    file = io.BytesIO()
+    Packer(file).dump(task)
+    return file.getvalue()
+
+
+def _rewritten(make: Callable, parts: tuple, place: str, lines: list[str]) -> types.CodeType:
+    code = make(*parts).replace(co_filename=place)
+    if lines and linecache.getlines(place) != lines:
+        linecache.cache[place] = (sum(map(len, lines)), None, lines, place)
+    return code
 
 
 @lru_cache(4)

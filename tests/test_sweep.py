@@ -29,6 +29,8 @@ from labkit import (
 from labkit import portions as portions_module
 from labkit.progress import Progress
 
+from .helpers import run_cell
+
 
 def flow(t, s, p):
     return s.v, -2 * p.delta * s.v - p.omega**2 * s.x
@@ -263,6 +265,27 @@ def test_dask_gives_the_same_numbers_for_a_model_with_lambdas(cluster):
         lambdas, 8.0, lambda run: run.final["x"], executor=cluster.get_executor(), **options
     )
     np.testing.assert_array_equal(here.values, there.values)
+
+
+def test_a_model_of_a_notebook_is_compiled_where_it_arrives(cluster):
+    """Its cells are in no file there: their text travels with the functions."""
+    cell = """
+from labkit import Mode, Parameter, System
+from math import sin
+
+def push(t, p):
+    return p.h * sin(t)
+
+made = System("pushed", {"x": "m"}, {"h": Parameter(1.0, "", "", 0, 2)},
+              [Mode("moves", lambda t, s, p: (push(t, p) - s.x,))], start={"x": 0.0})
+"""
+    names = run_cell(cell, "/nowhere/cell_7f3a.py", {"__name__": "__main__"})
+
+    def backend(run):
+        return run.work.backend
+
+    m = sweep(names["made"], 2.0, backend, h=[0.5, 1.0], executor=cluster.get_executor())
+    assert m.values.tolist() == [simulate(names["made"], 2.0).work.backend] * 2
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a worker is killed by a signal")
