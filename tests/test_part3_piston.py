@@ -88,8 +88,13 @@ def test_growth_that_400_seconds_do_not_show(names):
         for S in (0.0098, 0.01)
     )
     assert grows < bounded < 1.35
-    late = printed(20.0 * 500, S=0.0098)
-    assert abs(late[0]) > 100 and abs(printed(20.0 * 500)[0]) < 1.4
+    far = []
+    for S in (0.0098, 0.01):  # after 10 000 s, as powers of the matrix of one period
+        rates = [(10 * G + share * P0 * S) / (10 * L0) for share in (1, 0.8)]
+        full, low = (expm(np.array([[0, 1], [-rate, 0]]) * 10) for rate in rates)
+        M = np.linalg.matrix_power(low @ full, 500)
+        far.append(abs(M[0, 0]))
+    assert far[0] > 100 and far[1] < 1.4
 
 
 def test_the_rest_position_moves_by_223_m(names):
