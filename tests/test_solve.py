@@ -518,6 +518,36 @@ def test_terminal_event_ends_the_output():
         run.at(1.6)
 
 
+@pytest.mark.parametrize("backend", BOTH)
+def test_one_end_of_modes_with_variables_of_their_own(backend):
+    """A body that falls (y, v) and then sinks (y, d): either may meet the wall, under one label."""
+    system = System(
+        "wall",
+        {"x": "m", "y": "m", "v": "m/s"},
+        {"x_wall": 3.0},
+        [
+            Mode("falls", lambda t, s, p: (1.0, s.v, -2.0)),
+            Mode("sinks", lambda t, s, p: (1.0, 0.5), states={"x": "m", "d": "m"}),
+        ],
+        [
+            Transition("falls", "sinks", guard=lambda t, s, p: s.y, direction=-1, reset={"d": 0.0}),
+            Transition(
+                ("falls", "sinks"),
+                None,
+                guard=lambda t, s, p: s.x - p.x_wall,
+                direction=+1,
+                label="wall",
+            ),
+        ],
+        start={"x": 0.0, "y": 1.0, "v": 0.0},
+    )
+    sunk = simulate(system, 10.0, backend=backend)
+    assert sunk.stopped == 'terminal event "wall"'
+    assert sunk.final == pytest.approx({"x": 3.0, "d": 1.0})
+    fallen = simulate(system, 10.0, x_wall=0.5, backend=backend)
+    assert fallen.final == pytest.approx({"x": 0.5, "y": 0.75, "v": -1.0})
+
+
 def test_schedules():
     system = System(
         "clock",

@@ -127,13 +127,14 @@ def _reset(system: System, transition: Transition, states: list[Callable]) -> Ca
                 out[place] = value
 
         return reset
-    parts = {
-        mode: [
-            (part, _rescue(what, part, None), system.places(modes[mode]).get(name), places[name])
-            for name, part in system.reset_parts(transition, modes[mode]).items()
+    parts = {}
+    for source in transition.sources:
+        here = system.places(source)
+        there = system.places(transition.target or source)  # a run that ends keeps its own states
+        parts[modes.index(source)] = [
+            (part, _rescue(what, part, None), here.get(name), there[name])
+            for name, part in system.reset_parts(transition, source).items()
         ]
-        for mode in (modes.index(source) for source in transition.sources)
-    }
 
     def reset_parts(mode, t, y, p, out):
         s = states[mode](y)
