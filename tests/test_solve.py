@@ -1369,3 +1369,43 @@ def test_a_later_kernel_finds_the_compiled_code(tmp_path):
         "print(simulate(stick_slip(), 9.0).work.backend)"
     )
     assert with_the_core_only(tmp_path, program).split() == ["compiled"]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.permutations(range(4)),
+    st.integers(1, 5),
+    st.integers(1, 5),
+    st.sampled_from([(0, 0), (0, 1), (1, 0)]),
+    st.sampled_from(["plain", "auto"]),
+)
+def test_clocks_that_coincide_each_strike_in_any_order(order, swap, tick, priorities, backend):
+    """One clock swaps the modes, the other counts in both: whichever is first, none is lost."""
+    parts = [
+        Transition("a", "b", at=Every("swap"), priority=priorities[0], label="to b"),
+        Transition("b", "a", at=Every("swap"), priority=priorities[0], label="to a"),
+        *(
+            Transition(
+                mode,
+                mode,
+                at=Every("tick"),
+                priority=priorities[1],
+                reset={"n": lambda t, s, p: s.n + 1},
+                label="tick",
+            )
+            for mode in "ab"
+        ),
+    ]
+    system = System(
+        "two clocks",
+        {"x": ""},
+        {"swap": 1.0, "tick": 1.0},
+        [Mode(mode, lambda t, s, p: (1.0,)) for mode in "ab"],
+        [parts[k] for k in order],
+        start={"x": 0.0},
+        held={"n": ("", 0.0)},
+    )
+    run = simulate(system, 30.5, swap=float(swap), tick=float(tick), backend=backend)
+    assert run.final["n"] == 30 // tick
+    assert len(run.events) == 30 // tick + 30 // swap
+    assert run.mode[-1] == "ab"[30 // swap % 2]

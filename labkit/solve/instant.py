@@ -109,7 +109,7 @@ def arrive(model, w, p):
     """
     i, f = w.i, w.f
     f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
-    i[ARRIVED], i[BUSY], i[ENTRY] = i[MODE], 1, 1
+    i[BUSY], i[ENTRY] = 1, 1
     return sides(model, w, p, ARRIVE, -9)
 
 
@@ -123,9 +123,10 @@ def choose(w):
     for s in range(i[SCHEDULES]):
         q = w.plan[s]
         if w.rank[q] < rank and plan_time(w, s) <= w.f[UNTIL] and leaves(w, q, mode):
-            # Transitions with an equal schedule are one clock: those act that leave the mode it
-            # found
-            if w.shared[s] == 0 or w.source[q][i[ARRIVED]] == 1:
+            # Transitions with an equal schedule are one clock: those act that leave the mode in
+            # which it struck
+            found = w.found[w.clock[s]]
+            if found < 0 or w.source[q][found] == 1:
                 best, rank, i[KIND] = q, w.rank[q], DUE
     for place in range(i[PENDING]):
         q = w.queue[place]
@@ -151,6 +152,8 @@ def use(w, q):
         for s in range(i[SCHEDULES]):
             if w.plan[s] == q:
                 w.plan_next[s] += 1
+                if w.found[w.clock[s]] < 0:
+                    w.found[w.clock[s]] = i[MODE]
     else:
         for place in range(i[PENDING]):
             if w.queue[place] == q and w.queue_t[place] <= w.f[UNTIL]:
@@ -173,6 +176,7 @@ def forget(w):
     for s in range(w.i[SCHEDULES]):
         while plan_time(w, s) <= w.f[UNTIL]:
             w.plan_next[s] += 1
+        w.found[s] = -1
     for place in range(w.i[PENDING] - 1, -1, -1):
         if w.queue_t[place] <= w.f[UNTIL]:
             drop(w, place)
@@ -370,7 +374,6 @@ def pile_up(model, w, p, q, touching):
         for slot in range(i[TRANSITIONS] + 2):
             w.came[slot], w.slack[slot], w.wait[slot] = 0, 0.0, 0
         f[BEFORE], f[UNTIL], f[BLUR] = t, f[T], more
-        i[ARRIVED] = mode
         guards(model, rest, t + more, w.y, p, w.g_look)
         i[GUARDS] += 2
         for k in range(w.leave_from[rest + 1] - w.leave_from[rest]):

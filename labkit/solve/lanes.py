@@ -25,7 +25,7 @@ def begin(model, w, p, lane):
         w.f[q] = w.f0[q]
     i, f = w.i, w.f
     i[LANES], i[LANE], i[BEGUN] = lanes, lane, 1
-    i[OUT], i[OUT_FROM], i[MODE], i[ARRIVED] = place, place, w.mode0[lane], w.mode0[lane]
+    i[OUT], i[OUT_FROM], i[MODE] = place, place, w.mode0[lane]
     for q in range(i[TRANSITIONS]):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
@@ -38,7 +38,7 @@ def begin(model, w, p, lane):
             0,
         )
     for s in range(i[SCHEDULES]):
-        w.plan_next[s] = w.plan_next0[lane][s]
+        w.plan_next[s], w.found[s] = w.plan_next0[lane][s], -1
     for m in range(i[MODES]):
         for q in range(i[WIDTH]):
             w.terms[m][q], w.felt[m][q] = 0.0, -1.0

@@ -21,28 +21,27 @@ EPS = 2.220446049250313e-16
 # FRESH: the step size must be found anew and SciPy's methods started; KNOWN: w.k[0] is the flow
 # here;
 # ENTRY: the next step begins at an instant, whose sides are known; BUSY: this instant is not over;
-# SAME: events at it so far; ARRIVED: the mode it was reached in; WHO: the last transition that
-# acted;
+# SAME: events at it so far; WHO: the last transition that acted;
 # FIRST: the last step was refused; KIND: why the chosen transition acts (CROSSED, DUE, LATE)
-(FRESH, KNOWN, ENTRY, BUSY, SAME, ARRIVED, WHO, FIRST, KIND, PENDING, TOUCHES) = range(11, 22)
+(FRESH, KNOWN, ENTRY, BUSY, SAME, WHO, FIRST, KIND, PENDING, TOUCHES) = range(11, 21)
 # AHEAD: w.g_ahead holds the guards a little later; STIFFS: steps at the border of stability; JUMPS:
 # places where the flow seemed to jump
-(AHEAD, STIFFS, JUMPS) = range(22, 25)
+(AHEAD, STIFFS, JUMPS) = range(21, 24)
 # Sliding: on or not; its two modes; the place of the surface's guard among those of each
-(SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B) = range(25, 30)
+(SLIDING, SLIDE_A, SLIDE_B, GUARD_A, GUARD_B) = range(24, 29)
 # Settings. OWN_SIZE: the tolerance of some state follows from its own size; UNSEEN: stages below it
 # may be missing in the error
 (STAGES, DEGREE, PROXY, ADAPTIVE, TWO, LOCATE, DENSE, TRANSITIONS, MAX_EVENTS, MAX_STEPS, ORDER) = (
-    range(30, 41)
+    range(29, 40)
 )
-(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS) = range(41, 49)
-(OWN_SIZE, KINKS, UNSEEN, LANES) = range(49, 53)
+(ROWS, WIDTH, HELD, MODES, PARAMETERS, SAMPLES, SCHEDULES, POWERS) = range(40, 48)
+(OWN_SIZE, KINKS, UNSEEN, LANES) = range(48, 52)
 # Which lane is under way, and whether it has begun
-LANE, BEGUN = 53, 54
+LANE, BEGUN = 52, 53
 # The next place where a table of the time bends; steps refused because a guard does too much in
 # them
-KINK, WILD = 55, 56
-INTEGERS = 57
+KINK, WILD = 54, 55
+INTEGERS = 56
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:
@@ -139,10 +138,10 @@ def workspace(z):
         ("urgent", "i", (z.transitions,)),
         ("rank", "i", (z.transitions,)),
         ("tolerance", "f", (z.transitions,)),
-        # schedules: their transitions; shared: others have the same `at`, all are one clock
+        # schedules: their transitions; clock: those with the same `at` are one, with one number
         ("plan", "i", (z.schedules,)),
         ("plan_from", "i", (z.schedules + 1,)),
-        ("shared", "i", (z.schedules,)),
+        ("clock", "i", (z.schedules,)),
         # the state and its surroundings
         ("y", "f", (y,)),
         ("y_new", "f", (y,)),
@@ -199,7 +198,9 @@ def workspace(z):
         ("rate_b", "f", (z.width,)),
         ("y_probe", "f", (y,)),
         ("g_probe", "f", (z.guards + 2,)),
+        # how often a schedule has been due; in which mode a clock has struck at this instant, or −1
         ("plan_next", "i", (z.schedules,)),
+        ("found", "i", (z.schedules,)),
         ("queue_t", "f", (QUEUE,)),
         ("queue", "i", (QUEUE,)),
         # flights of a transition: since when, how long, how often ever shorter, and two earlier

@@ -157,7 +157,7 @@ class Settings:
             "tolerance": [tr.tolerance for tr in trs],
             "plan": [system.transitions.index(tr) for tr in self.plans],
             "plan_from": np.cumsum([0, *instants]),
-            "shared": [sum(tr.at == other.at for other in self.plans) > 1 for tr in self.plans],
+            "clock": [[other.at for other in self.plans].index(tr.at) for tr in self.plans],
             "absolute": self.absolute,
             "kind": self._kinds(),
         }
