@@ -280,20 +280,20 @@ class Characteristic:
             edges = self.edges(p, way)
             if not np.all(np.isfinite(edges)):
                 raise ModelError(
-                    f"{self.name}: the break points {edges} are not all finite ({self._said(p)})"
+                    f"{self.name}: the break points {edges} are not all finite{self._said(p)}"
                 )
             for k in np.flatnonzero(np.diff(edges) < 0)[:1].tolist():
                 raise ModelError(
                     f"{self.name}: the break points must rise, but {branch.edges[k]} = "
                     f"{edges[k]:g} lies right of {branch.edges[k + 1]} = {edges[k + 1]:g}"
-                    f" ({self._said(p)})"
+                    f"{self._said(p)}"
                 )
             ends = np.concatenate([edges[:1], edges, edges[-1:]])
             for text, low, high in zip(branch.pieces, ends, ends[1:], strict=False):
                 if not np.all(np.isfinite(number_of(text, p, np.array([low, high])))):
                     raise ModelError(
                         f"{self.name}: the piece {text} has no value between {low:g} and {high:g} "
-                        f"({self._said(p)})"
+                        f"{self._said(p)}"
                     )
         if not self.hysteresis:
             return
@@ -306,21 +306,25 @@ class Characteristic:
         up = self._on(self.rising, x, p, "right")
         down = self._on(self.falling, x, p, "right")
         size = 1e-12 * max(np.abs(up).max(), np.abs(down).max())
-        for k in np.flatnonzero(up > down + size)[:1].tolist():
+        worst = np.flatnonzero(up - down >= (up - down).max() - size)
+        k = worst[len(worst) // 2]
+        if up[k] > down[k] + size:
             raise ModelError(
                 f"{self.name}: the branches cross: at x = {x[k]:.6g} the one for x' > 0 has F = "
-                f"{up[k]:.6g}, above the {down[k]:.6g} of the one for x' < 0 ({self._said(p)})"
+                f"{up[k]:.6g}, above the {down[k]:.6g} of the one for x' < 0{self._said(p)}"
             )
         for k in (0, -1):
             if abs(up[k] - down[k]) > size:
                 raise ModelError(
                     f"{self.name}: the branches do not meet: at x = {x[k]:.6g} they have F = "
-                    f"{up[k]:.6g} and {down[k]:.6g} ({self._said(p)})"
+                    f"{up[k]:.6g} and {down[k]:.6g}{self._said(p)}"
                 )
 
     def _said(self, p: object) -> str:
+        """The values of the parameters, in brackets; nothing where there are none."""
         values = values_of(p)
-        return ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
+        said = ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
+        return f" ({said})" if said else ""
 
     # -- what theory makes of it -------------------------------------------------------------------
 

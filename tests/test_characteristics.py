@@ -368,6 +368,10 @@ def test_names_may_be_put_for_names():
         (lambda: from_points("abc"), "pairs of numbers"),
         (lambda: from_points([(0, 0), (1, 1)], [(0, 0), (1, 2)]), "do not meet on the right"),
         (lambda: from_points([(-1, -1), (1, 1)], [(0, -1), (2, 1)]), "branches cross"),
+        (
+            lambda: from_points([(-1, -1), (-1, 1)], [(1, -1), (1, 1)]),
+            "x = 0 the one for x' > 0 has F = 1, above the -1 of the one for x' < 0$",
+        ),
         (lambda: characteristic("relay")(1.0, {}), "needs the parameter 'K'"),
     ],
 )
