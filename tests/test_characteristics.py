@@ -270,6 +270,17 @@ def test_with_the_other_sign_the_loop_takes_energy_and_the_motion_sticks_inside(
     assert run.events[0].t == pytest.approx(math.asin(1 / 1.5) / 0.7, abs=1e-9)
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if len(KINDS[kind]) == 2])
+def test_at_a_turn_the_force_lies_between_the_branches(kind):
+    """Where nothing holds the mass the balance lies outside: it only turns, F jumps."""
+    made, p = characteristic(kind), parameters(kind)
+    run = simulate(pendulum(made, p), 40.0, rtol=1e-10)
+    low, high = made(run["x"], p, 1.0), made(run["x"], p, -1.0)
+    turns = run.mode == "at rest"
+    assert np.any(turns)
+    assert np.all((run["F"] >= low - 1e-12) & (run["F"] <= high + 1e-12) | ~turns)
+
+
 # ---- the second pendulum
 
 
