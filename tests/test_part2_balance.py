@@ -128,20 +128,22 @@ def test_chaos_has_a_positive_exponent_and_the_tamed_pole_a_negative_one():
     assert slope == pytest.approx(math.log(10) / chaos, rel=0.4)
 
 
-def test_the_curve_typed_in_is_the_one_chosen_and_wrong_lists_are_refused():
+def test_the_curve_typed_in_is_the_exact_solution_and_dragged_back_it_is_the_chosen_one():
     book = load(BOOK)
-    same = book["with_points"]([(-0.9, -1.0), (-0.4, 0.0), (0.4, 0.0), (0.9, 1.0)])
-    ends = [simulate(one, 40.0, rtol=1e-10).final for one in (same, book["system"])]
+    ends = [
+        simulate(book["own"], 40.0, rtol=1e-10, x3=0.4, x4=0.9).final,
+        simulate(book["system"], 40.0, rtol=1e-10).final,
+    ]
     assert ends[0] == pytest.approx(ends[1], abs=1e-8)
-    worn = simulate(book["worn"], 40.0, rtol=1e-10)
+    worn = simulate(book["own"], 40.0, rtol=1e-10)
     x, v, _ = exact(
         Through([(-0.9, -1.0), (-0.4, 0.0), (0.7, 0.0), (0.8, 1.0)]),
         book["system"].values()._asdict(),
         40.0,
     )
     assert [worn.final["x"], worn.final["v"]] == pytest.approx([x, v], abs=1e-7)
-    with pytest.raises(ModelError, match="goes back"):
-        book["with_points"]([(0, 0), (1, 1), (0.5, 2)])
+    with pytest.raises(ModelError, match="must rise, but x2 = 0.8 lies right of x3 = 0.7"):
+        simulate(book["own"], 1.0, x2=0.8)
 
 
 class Through:
