@@ -138,7 +138,7 @@ class Movable(Characteristic):
                     title=self.name,
                     legend=len(branches) == 2,
                 ),
-                time_plot(run, names or x, axes=[right], modes=False, title=""),
+                time_plot(run, names or x, axes=[right], modes=False, events=False, title=""),
                 *(
                     Handle(
                         left,
