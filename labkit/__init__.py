@@ -38,6 +38,7 @@ _HOMES = {
     "similarity": "canonical check_design design matrix_a matrix_b reflection rotation",
     "families": "decomposition describe family",
     "characteristics": "Branch Characteristic characteristic from_points",
+    "points": "Movable movable",
     "panel": "explore",
     "course": "assignment catalogue choose project",
 }

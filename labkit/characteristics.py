@@ -144,60 +144,93 @@ def characteristic(kind: str, *, memory: bool = False, **names: str | float) -> 
     return Characteristic(kind, *made, memory=memory)
 
 
-Points = Sequence[Sequence[float]]
+Points = Sequence[Sequence[float | str]]
 
 
 def from_points(rising: Points, falling: Points | None = None, name: str = "") -> Characteristic:
     """from_points([(-1, -1), (0, -1), (0, 1), (2, 1)]) -> Characteristic through break points.
 
     rising    (x, F) from left to right, for x' > 0; falling the same for x' < 0, left out: the same
-              curve. Two points at one x are a jump. Beyond the first and the last F is constant
+              curve. Two points at one x are a jump. Beyond the first and the last F is constant.
+              Each is a number, or the name of a parameter or a formula as text: ("-a", "-K")
 
     Raises ModelError, with the points, where x goes back, where three points stand at one x, where
-    the two curves do not meet at their ends or the rising one lies above the falling one.
+    the two curves do not meet at their ends or the rising one lies above the falling one; of points
+    with parameters where a run begins. `movable` makes points that a hand can drag.
     """
     curves = [_points(curve) for curve in ([rising] if falling is None else [rising, falling])]
     if len(curves) == 2:
         for end, word in ((0, "left"), (-1, "right")):
             ends = [curve[end][1] for curve in curves]
-            if ends[0] != ends[1]:
+            if ends[0] != ends[1] and not any(isinstance(end, str) for end in ends):
                 raise ModelError(
                     f"the branches do not meet on the {word}: F = {ends[0]:g} for x' > 0 and "
                     f"{ends[1]:g} for x' < 0; the {'first' if end == 0 else 'last'} points "
                     "must have the same F"
                 )
     made = Characteristic(name or "curve through points", *map(_through, curves))
-    made.check({})
+    if not made.parameters:
+        made.check({})
     return made
 
 
-def _points(curve: Points) -> list[tuple[float, float]]:
+def _points(curve: Points) -> list[tuple[float | str, float | str]]:
     try:
-        points = [(float(x), float(F)) for x, F in curve]
+        points = [
+            tuple(value if isinstance(value, str) else float(value) for value in (x, F))
+            for x, F in curve
+        ]
     except (TypeError, ValueError):
-        raise ModelError(f"points are pairs of numbers (x, F), not {curve!r:.80}") from None
-    if len(points) < 2 or not np.all(np.isfinite(points)):
+        raise ModelError(
+            f"points are pairs (x, F) of numbers or of formulas as text, not {curve!r:.80}"
+        ) from None
+    values = [value for point in points for value in point]
+    for text in (value for value in values if isinstance(value, str)):
+        if "x" in names_of(text):
+            raise ModelError(f"{text!r}: x is the input, no parameter can be called so")
+    numbers = [value for value in values if not isinstance(value, str)]
+    if len(points) < 2 or not np.all(np.isfinite(numbers)):
         raise ModelError(f"a curve needs two points or more, all finite, not {points}")
     for one, two in zip(points, points[1:], strict=False):
-        if two[0] < one[0]:
+        if not isinstance(one[0], str) and not isinstance(two[0], str) and two[0] < one[0]:
             raise ModelError(
-                f"after ({one[0]:g}, {one[1]:g}) the curve goes back to ({two[0]:g}, {two[1]:g}):"
-                " F would not be a function of x; give the points from left to right"
+                f"after ({_said(one[0])}, {_said(one[1])}) the curve goes back to "
+                f"({_said(two[0])}, {_said(two[1])}): F would not be a function of x; give the "
+                "points from left to right"
             )
     for one, _, three in zip(points, points[1:], points[2:], strict=False):
         if one[0] == three[0]:
-            raise ModelError(f"three points at x = {one[0]:g}: a jump has two, its ends")
+            raise ModelError(f"three points at x = {_said(one[0])}: a jump has two, its ends")
     return points
 
 
-def _through(points: list[tuple[float, float]]) -> Branch:
-    edges, pieces = [repr(points[0][0])], [repr(points[0][1])]
+def _said(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def _through(points: list[tuple[float | str, float | str]]) -> Branch:
+    edges, pieces = [_text(points[0][0])], [_text(points[0][1])]
     for (x0, F0), (x1, F1) in zip(points, points[1:], strict=False):
-        if x1 > x0:
-            slope = (F1 - F0) / (x1 - x0)
-            pieces.append(repr(F0) if slope == 0 else f"{F0!r} + {slope!r}*(x - {x0!r})")
-            edges.append(repr(x1))
-    return Branch(tuple(edges), (*pieces, repr(points[-1][1])))
+        if x1 == x0:
+            continue  # a jump
+        a, low, b, high = map(_term, (x0, F0, x1, F1))
+        if F1 == F0:
+            pieces.append(_text(F0))
+        elif any(isinstance(value, str) for value in (x0, F0, x1, F1)):
+            pieces.append(f"{low} + ({high} - {low})*(x - {a})/({b} - {a})")
+        else:
+            pieces.append(f"{low} + {(F1 - F0) / (x1 - x0)!r}*(x - {a})")
+        edges.append(_text(x1))
+    return Branch(tuple(edges), (*pieces, _text(points[-1][1])))
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else repr(value)
+
+
+def _term(value: float | str) -> str:
+    """As a part of a formula."""
+    return f"({value})" if isinstance(value, str) and not value.isidentifier() else _text(value)
 
 
 class Characteristic:
@@ -280,20 +313,25 @@ class Characteristic:
             edges = self.edges(p, way)
             if not np.all(np.isfinite(edges)):
                 raise ModelError(
-                    f"{self.name}: the break points {edges} are not all finite ({self._said(p)})"
+                    f"{self.name}: the break points {edges} are not all finite{self._said(p)}"
                 )
             for k in np.flatnonzero(np.diff(edges) < 0)[:1].tolist():
                 raise ModelError(
                     f"{self.name}: the break points must rise, but {branch.edges[k]} = "
                     f"{edges[k]:g} lies right of {branch.edges[k + 1]} = {edges[k + 1]:g}"
-                    f" ({self._said(p)})"
+                    f"{self._said(p)}"
                 )
             ends = np.concatenate([edges[:1], edges, edges[-1:]])
-            for text, low, high in zip(branch.pieces, ends, ends[1:], strict=False):
+            for k, (text, low, high) in enumerate(zip(branch.pieces, ends, ends[1:], strict=False)):
                 if not np.all(np.isfinite(number_of(text, p, np.array([low, high])))):
+                    where = (
+                        f"{' and '.join(branch.edges[k - 1 : k + 1])} are both {low:g}: "
+                        if low == high and 0 < k < len(branch.edges)
+                        else ""
+                    )
                     raise ModelError(
-                        f"{self.name}: the piece {text} has no value between {low:g} and {high:g} "
-                        f"({self._said(p)})"
+                        f"{self.name}: {where}the piece {text} has no value between {low:g} and "
+                        f"{high:g}{self._said(p)}"
                     )
         if not self.hysteresis:
             return
@@ -306,21 +344,25 @@ class Characteristic:
         up = self._on(self.rising, x, p, "right")
         down = self._on(self.falling, x, p, "right")
         size = 1e-12 * max(np.abs(up).max(), np.abs(down).max())
-        for k in np.flatnonzero(up > down + size)[:1].tolist():
+        worst = np.flatnonzero(up - down >= (up - down).max() - size)
+        k = worst[len(worst) // 2]
+        if up[k] > down[k] + size:
             raise ModelError(
                 f"{self.name}: the branches cross: at x = {x[k]:.6g} the one for x' > 0 has F = "
-                f"{up[k]:.6g}, above the {down[k]:.6g} of the one for x' < 0 ({self._said(p)})"
+                f"{up[k]:.6g}, above the {down[k]:.6g} of the one for x' < 0{self._said(p)}"
             )
         for k in (0, -1):
             if abs(up[k] - down[k]) > size:
                 raise ModelError(
                     f"{self.name}: the branches do not meet: at x = {x[k]:.6g} they have F = "
-                    f"{up[k]:.6g} and {down[k]:.6g} ({self._said(p)})"
+                    f"{up[k]:.6g} and {down[k]:.6g}{self._said(p)}"
                 )
 
     def _said(self, p: object) -> str:
+        """The values of the parameters, in brackets; nothing where there are none."""
         values = values_of(p)
-        return ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
+        said = ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
+        return f" ({said})" if said else ""
 
     # -- what theory makes of it -------------------------------------------------------------------
 

@@ -255,10 +255,10 @@ class Builder:
         }
         if made.hysteresis:
             up, down = (self._nested(branch) for _, branch in made.branches)
-            found["at rest"] = self._made(self._balance(up, down))
+            found["at rest"] = self._made(self._held(up, down))
         else:
             for k in self._jumps():
-                found[self._rest_name(k)] = self._made(self._balance(*self._beside(k)))
+                found[self._rest_name(k)] = self._made(self._held(*self._beside(k)))
         return found
 
     def _nested(self, branch: Branch) -> str:
@@ -272,6 +272,11 @@ class Builder:
         """The texts of F right and left of a break point."""
         left, right = (self._value(piece) for piece in self.made.rising.pieces[k : k + 2])
         return right, left
+
+    def _held(self, one: str, two: str) -> str:
+        """The text of F at rest: the balance, and at a mere turn what is nearest to it."""
+        low, high = f"min({one}, {two})", f"max({one}, {two})"
+        return f"min(max({self._balance(one, two)}, {low}), {high})"
 
     def _balance(self, one: str, two: str) -> str:
         """The text of the F at which the law, linear in F, has no acceleration."""

@@ -270,6 +270,17 @@ def test_with_the_other_sign_the_loop_takes_energy_and_the_motion_sticks_inside(
     assert run.events[0].t == pytest.approx(math.asin(1 / 1.5) / 0.7, abs=1e-9)
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if len(KINDS[kind]) == 2])
+def test_at_a_turn_the_force_lies_between_the_branches(kind):
+    """Where nothing holds the mass the balance lies outside: it only turns, F jumps."""
+    made, p = characteristic(kind), parameters(kind)
+    run = simulate(pendulum(made, p), 40.0, rtol=1e-10)
+    low, high = made(run["x"], p, 1.0), made(run["x"], p, -1.0)
+    turns = run.mode == "at rest"
+    assert np.any(turns)
+    assert np.all((run["F"] >= low - 1e-12) & (run["F"] <= high + 1e-12) | ~turns)
+
+
 # ---- the second pendulum
 
 
@@ -365,9 +376,13 @@ def test_names_may_be_put_for_names():
         (lambda: from_points([(0, 0), (math.nan, 1)]), "finite"),
         (lambda: from_points([(0, 0), (1, 1), (0.5, 2)]), r"\(1, 1\).*goes back to \(0.5, 2\)"),
         (lambda: from_points([(0, 0), (0, 1), (0, 2)]), "three points at x = 0"),
-        (lambda: from_points("abc"), "pairs of numbers"),
+        (lambda: from_points("abc"), "pairs .* of numbers"),
         (lambda: from_points([(0, 0), (1, 1)], [(0, 0), (1, 2)]), "do not meet on the right"),
         (lambda: from_points([(-1, -1), (1, 1)], [(0, -1), (2, 1)]), "branches cross"),
+        (
+            lambda: from_points([(-1, -1), (-1, 1)], [(1, -1), (1, 1)]),
+            "x = 0 the one for x' > 0 has F = 1, above the -1 of the one for x' < 0$",
+        ),
         (lambda: characteristic("relay")(1.0, {}), "needs the parameter 'K'"),
     ],
 )
