@@ -242,4 +242,9 @@ def test_tasks(names):
     found = names["solutions"]
     assert found["boost"] == pytest.approx(sqrt(2)) and found["crash"] == pytest.approx(1.8)
     assert found["behind"] == pytest.approx(0.65, rel=1e-9)
-    assert found["critical"] == pytest.approx(2 / pi * sqrt(1 / 0.7))
+    V1, V2 = 0.9 * 1.6, 1.6
+    first = 14.8 / (V2 - V1) + 0.8 / (V1 - V2 / 2)
+    first += 14.8 / (1.6 * (V1 - V2 / 2)) + 0.8 / (1.6 * (V2 / 2 - V1 / 2))
+    assert found["over"] == pytest.approx(first / (1 - 1 / 1.28), rel=1e-12)
+    run = simulate(names["rules_only"], 600.0, boost=1.6, points=2, max_events=600)
+    assert run.t[-1] == pytest.approx(found["over"], abs=1e-3)
