@@ -245,7 +245,7 @@ def _sorted(
             f"a sweep has one to three axes, here {len(axes)} ({listed(axes)}): give sequences of "
             "values, d=np.linspace(0.1, 0.9, 17)"
         )
-    if twice := [name for name in begin if name in fixed]:
+    if twice := [name for name in begin if name in fixed or name in axes]:
         raise ModelError(f"{listed(twice)} stands both in start and among the names: give it once")
     if unknown := [name for name in begin if name not in system.units]:
         raise ModelError(

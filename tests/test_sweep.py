@@ -391,6 +391,7 @@ SWINGING = System(
         ({"method": ["RK45", "RK54"]}, "there is no method 'RK54'"),
         ({"delta": deltas, "x": 1.0, "start": {"x": lambda p: 1}}, "'x' stands both in start and"),
         ({"x": [1.0], "start": {"x": [1.0]}}, "'x' stands both in start and among the names"),
+        ({"x": [1.0, 2.0], "start": {"x": 5.0}}, "'x' stands both in start and among the names"),
         ({"delta": deltas, "start": {"y": 1.0}}, "start names the unknown state"),
     ],
 )
