@@ -156,7 +156,7 @@ def test_the_map_of_steady_shaking_is_floquets(names):
 
 
 def test_two_clocks_at_one_instant(names):
-    """A program that lets only one of them strike loses the change of frequency: another verdict."""
+    """A program that lets only one of them strike loses a change of frequency, and the verdict."""
     assert names["careless"].ended == "finished" and names["slow"].ended != "finished"
     after = [one.at(61.0)["f"] for one in (names["slow"], names["careless"])]
     assert after == [0.6, 1.4]
