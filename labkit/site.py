@@ -35,6 +35,8 @@ _LINK = re.compile(r'(href="(?![a-z]+:|/)[^"#]*?)\.ipynb(?=[#"])')
 _STYLE = re.compile(r"<style[^>]*>(.*?)</style>", re.DOTALL)
 _TAGS = re.compile(r"<(script|style|math|svg)\b.*?</\1>|<[^>]+>", re.DOTALL)
 SEARCH = """
+<p class="labkit-site">On these pages the panels are recorded: one slider at a time. In the
+notebooks themselves (python -m labkit) all move together, and the code is yours to change.</p>
 <div class="labkit-search"><label>Search all pages
 <input type="search" id="labkit-search" autocomplete="off"></label>
 <ul id="labkit-found"></ul></div>
