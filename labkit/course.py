@@ -628,6 +628,14 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
     ),
     Assignment(
         0,
+        "environment",
+        "The environment",
+        "Judge the tool itself by experiments: how it writes, checks and exports models, and where "
+        "it ends.",
+        "concepts/environment",
+    ),
+    Assignment(
+        0,
         "linear systems",
         "Linear systems",
         "Eigenvalues, canonical forms, and the map of all equilibria by trace and determinant.",
