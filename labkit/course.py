@@ -636,6 +636,14 @@ ASSIGNMENTS: tuple[Assignment, ...] = (
     ),
     Assignment(
         0,
+        "nonlinear elements",
+        "Nonlinear elements",
+        "Relay, saturation, dead zone and hysteresis in a loop, and what they do that no linear "
+        "element does.",
+        "concepts/nonlinear_elements",
+    ),
+    Assignment(
+        0,
         "linear systems",
         "Linear systems",
         "Eigenvalues, canonical forms, and the map of all equilibria by trace and determinant.",

@@ -89,7 +89,7 @@ def test_every_assignment_is_there_once():
         len({a.path for a in ASSIGNMENTS})
         == len({(a.part, a.name) for a in ASSIGNMENTS})
         == len(ASSIGNMENTS)
-        == 54
+        == 55
     )
     for a in ASSIGNMENTS:
         folder, name = a.path.split("/")
