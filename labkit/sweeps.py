@@ -117,7 +117,7 @@ class Sweep:
             for k, (name, axis) in enumerate(self.axes.items())
         }
         for name, result in self.results.items():
-            made[name or self.name or "value"] = [result[place] for place in places]
+            made[name or self.name or "value"] = result.ravel().tolist()
         return {**made, "reason": [self.reasons.get(place, "") for place in places]}
 
     def to_frame(self) -> Any:

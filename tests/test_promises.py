@@ -424,3 +424,34 @@ def test_random_systems_compiled_as_plain(recipe):
         0
     ]
     assert np.allclose([e.t for e in plain.events], [e.t for e in fast.events], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["plain", "auto"])
+@pytest.mark.parametrize("what", ["x", "h"])
+def test_a_reset_that_gives_no_number_is_named(backend, what):
+    """Not the flow that reads the value a moment later."""
+    huge = {
+        "x": {"x": lambda t, s, p: 1e308 * (s.x + 9) - 1e308 * (s.x + 9)},
+        "h": {"h": lambda t, s, p: 1e308 * (s.x + 9) - 1e308 * (s.x + 9)},
+    }
+    system = System(
+        "bad reset",
+        {"x": "m"},
+        {},
+        [Mode("moves", lambda t, s, p: (s.h,))],
+        [
+            Transition(
+                "moves",
+                "moves",
+                guard=lambda t, s, p: s.x - 1,
+                direction=1,
+                reset=huge[what],
+                label="kick",
+            )
+        ],
+        start={"x": 0.0},
+        held={"h": ("", 1.0)},
+    )
+    run = simulate(system, 3.0, backend=backend)
+    assert run.ended == "not a number"
+    assert f"after 'kick' at t = 1 the value of '{what}' is not finite" in run.stopped

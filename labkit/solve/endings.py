@@ -33,7 +33,7 @@ ENDINGS = {
     core.LOOP: (
         Ended.LOOP,
         "endless loop at t = {t:.6g}: {same} events at one instant, the last of them "
-        '"{name}" (chattering: the flows on both sides of its guard push towards it)',
+        '"{name}" (chattering: its own reset, or the flow after it, leads back at once)',
     ),
     core.EVENTS_OUT: (
         Ended.TOO_MANY_EVENTS,
@@ -65,6 +65,8 @@ ENDINGS = {
 def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tuple[Ended, str]:
     """ending(status, settings, w, p) of the lane that has just ended -> (Ended, sentence)."""
     if status not in ENDINGS or status == core.GUARD_NAN:
+        if said := _lost_by_an_event(settings, w):
+            return Ended.NOT_A_NUMBER, said
         system, mode = settings.system, settings.modes[w.i[core.MODE]]
         state = [float(w.y[place]) for place in system.places(mode).values()]
         if why := trouble(system, mode, float(w.f[core.T]), state, p):
@@ -103,6 +105,23 @@ def _two_surfaces(w: core.Workspace) -> tuple[int, int] | None:
         if line[4] == core.SLIDE and after[3] != core.SLIDE and after[1] != line[1]:
             return int(line[1]), int(after[1])
     return None
+
+
+def _lost_by_an_event(settings: Settings, w: core.Workspace) -> str:
+    """Which variables are no finite numbers since an event at this instant; "" if none."""
+    end = int(w.i[core.LEDGER])
+    if not end or w.ledger[end - 1][0] != w.f[core.T]:
+        return ""
+    system = settings.system
+    places = system.places(settings.modes[w.i[core.MODE]])
+    lost = [name for name, place in places.items() if not np.isfinite(w.y[place])]
+    label = system.transitions[int(w.ledger[end - 1][1])].label or "an event"
+    if not lost:
+        return ""
+    return (
+        f"not a number: after {label!r} at t = {w.f[core.T]:.6g} the value of {listed(lost)} is "
+        "not finite"
+    )
 
 
 def _why_no_step(settings: Settings, w: core.Workspace) -> tuple[Ended, str]:
