@@ -41,13 +41,12 @@ const NOTHING = {
 };
 
 function kernel(tape, picture) {
-  let [listeners, shown, background] = [[], {}, ""]; // shown: number of each part, as the page has it
+  let [listeners, now, shown, background] = [[], tape.first, {}, ""]; // shown: parts on the page
   const near = (list, x) =>
     list.reduce((best, one) => (Math.abs(one[0] - x) < Math.abs(best[0] - x) ? one : best));
   const wanted = ({ kind, values = {}, t, reset }) => {
-    if (kind === "cursor") {
-      return tape.instants.length && t != null ? near(tape.instants, t)[1] : tape.first;
-    }
+    if (kind === "cursor" && t != null && tape.instants.length) return near(tape.instants, t)[1];
+    if (kind !== "set") return now; // the page has another size, say
     const changes = JSON.stringify(values);
     const preset = reset && Object.keys(tape.presets).find(
       (name) => JSON.stringify(tape.spec.presets[name]) === changes);
@@ -59,7 +58,8 @@ function kernel(tape, picture) {
     return (same || near(there, values[key]))[1];
   };
   const answer = ({ kind, view, seq, settled, ...more }) => {
-    const frame = tape.frames[wanted({ kind, ...more })];
+    now = wanted({ kind, ...more });
+    const frame = tape.frames[now];
     if (frame.error) return [{ kind: "error", text: frame.error, view, seq }, []];
     if (frame.mime) {
       background = "";

@@ -179,6 +179,19 @@ def test_presets_reset_and_one_slider_at_a_time(page):
     assert field.input_value() == "2"
 
 
+def test_another_size_of_the_window_changes_nothing_else(page):
+    page.get_by_role("button", name="slow").click()
+    own = panel()
+    own._show(own.defaults | own.presets["slow"])
+    page.get_by_text(own.words).wait_for()
+    before = page.locator("canvas").get_attribute("data-seq")
+    page.set_viewport_size({"width": 700, "height": 900})
+    page.wait_for_function(f"document.querySelector('canvas').dataset.seq > {before}")
+    assert own.words in verdict(page) and page.get_by_label("value of ω").input_value() == "0.5"
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.get_by_role("button", name="Reset").click()
+
+
 def test_play_moves_the_cursor_and_hands_of_the_kernel_are_not_offered(page):
     page.get_by_role("button", name="Play").click()
     page.wait_for_function("document.querySelector('.labkit-reading').innerText.includes('t = ')")
