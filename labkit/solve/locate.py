@@ -101,9 +101,11 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
     stack[0], stack[1] = begin, limit
     depth, looks = 1, 0
     # How well the guard is known, and where: asked for when it matters
-    own, own_a, own_b = -1.0, 2.0, 2.0
+    own, own_a, own_b, own_size = -1.0, 2.0, 2.0, 0.0
     # What it was located with counts as zero, too, until it is clear of that
     loose = 2.0 * w.slack[slot] if w.flat[slot] == 1 else 0.0
+    # Where the guard itself was last seen on its side
+    seen, seen_value = begin, 0.0
     w.near[k], w.quiet[k] = 1, 0
     while depth > 0:
         depth -= 1
@@ -118,16 +120,25 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 value[j] = guard_at(model, w, p, mode, n, t, h, a + width * w.node[j], k)
         if value[0] * side > max(own, 0.0) + loose:
             loose = 0.0
+        if value[0] * side > 0.0:
+            seen, seen_value = a, value[0]
         largest, misfit = 0.0, 0.0
         for j in range(2):
             total = 0.0
             line = w.test[j]
             for q in range(top + 1):
                 total += line[q] * value[q]
-            misfit = max(misfit, abs(total - value[top + 1 + j]))
-            if not isfinite(total - value[top + 1 + j]):
-                return -2.0
+            miss = abs(total - value[top + 1 + j])
+            misfit = max(misfit, miss if isfinite(miss) else 1e300)
         start = flat and a == begin
+        if misfit >= 1e300:  # not a number: there may be an event before it
+            if looks > 400 or width <= narrowest:
+                return -2.0
+            middle = 0.5 * (a + b)
+            stack[2 * depth], stack[2 * depth + 1] = middle, b
+            stack[2 * depth + 2], stack[2 * depth + 3] = a, middle
+            depth += 2
+            continue
         if not start:
             # Far from zero all along? Between its nodes a polynomial strays at most LEBESGUE times
             # as far from their middle as they do
@@ -146,15 +157,25 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 total += line[q] * value[q]
             hull[j] = total
             largest = max(largest, abs(total))
+        # … for as long as the guard has about the size that it had there
         nested = own_a <= a and b <= own_b and width > 0.125 * (own_b - own_a)
+        nested = nested and largest > 0.015625 * own_size
         if not nested and (looks > 1 or w.flat[slot] == 1 or largest < 1e-9 * w.scale[slot]):
-            own_a, own_b = a, b
+            own_a, own_b, own_size = a, b, largest
             middle = a + width * w.node[top // 2]
             evaluate(w, n, middle, w.y_try)
             own = doubt(model, w, p, mode, n, t + middle * h, w.y_try, k, value[top // 2])
         zero = own + loose
         margin = max(4.0 * misfit + 8.0 * EPS * largest, zero)
         finest = looks > 400 or width <= (shortest if start else narrowest)
+        if value[0] * side < -max(zero, 0.0) and seen_value * side > 0.0:
+            # It has crossed before, and its polynomial has shown nothing of that
+            side = -side
+            if side < 0 and directed:
+                w.quiet[k], seen_value = 1, 0.0
+            else:
+                w.turn[k] = side
+                return refine(model, w, p, mode, n, t, h, k, seen, seen_value, a, value[0])
         if largest <= zero:  # zero all along, as far as it is known
             continue
         first = 0
@@ -196,7 +217,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
         sure = max(margin, STRAYS * misfit) if misfit > max(zero, 8.0 * EPS * largest) else margin
         if changes == 1 and abs(hull[first]) > sure and abs(hull[top]) > sure:
             if sign < 0 and directed:
-                side, w.quiet[k] = sign, 1
+                side, w.quiet[k], seen_value = sign, 1, 0.0
                 continue
             if (hull[first] > 0.0) != (side > 0):  # crossed exactly at the seam of two steps
                 theta = a
@@ -221,7 +242,7 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                         one, two = a + width * w.node[last], a + width * w.node[last + 1]
                         fa, fb = value[last], value[last + 1]
                         return refine(model, w, p, mode, n, t, h, k, one, fa, two, fb)
-                    w.quiet[k] = 1
+                    w.quiet[k], seen_value = 1, 0.0
             continue
         middle = 0.5 * (a + b)
         stack[2 * depth], stack[2 * depth + 1] = middle, b
