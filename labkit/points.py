@@ -160,7 +160,7 @@ class Movable(Characteristic):
             found = {}
             for key, value, (low, high) in zip((place, level), (x, F), self.box, strict=True):
                 digits = 2 - math.floor(math.log10(high - low))
-                found[key] = min(max(round(value, digits), low), high)
+                found[key] = min(max(round(value, digits) + 0.0, low), high)  # never −0
             return found
 
         return values

@@ -1,5 +1,7 @@
 """Points of a characteristic that are parameters, and those that a hand drags."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -151,3 +153,9 @@ def test_what_cannot_be_dragged_is_refused():
         movable([(0, 0), (1, 1), (0.5, 2)])
     with pytest.raises(ModelError, match="a parameter 'x1' of its own"):
         movable(ZONE).put_in(pendulum(characteristic("saturation"), {"x1": 1.0, **SIZES}), law)
+
+
+def test_a_point_dropped_at_no_force_has_no_minus_before_its_zero():
+    mine = movable([(-1.0, -1.0), (0.0, 0.0), (1.0, 1.0)])
+    dropped = mine._dropped("x2", "F2")(-1e-6, -1e-6)
+    assert [math.copysign(1, value) for value in dropped.values()] == [1, 1], dropped
