@@ -109,7 +109,9 @@ def _several(answer: Any, right: list, rel: float, abs: float) -> tuple[bool | N
 
 def _number(answer: Any, right: Any, rel: float, abs: float) -> tuple[bool, str]:
     if isinstance(answer, str):
-        return False, f"{_said(answer)} is a text: write the number without quotes."
+        if any(letter.isdigit() for letter in answer):
+            return False, f"{_said(answer)} is a text: write the number without quotes."
+        return _verdict(False, answer)  # a word where words, too, were asked for
     if isinstance(answer, bool) or _many(answer):
         return False, f"{_said(answer)} is not one number."
     value, goal = _complex(answer), _complex(right)

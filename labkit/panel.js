@@ -20,8 +20,14 @@ const attributes = (node, list) => {
   return node;
 };
 const clip = (x, low, high) => Math.min(Math.max(x, low), high);
-const show = (x) => String(Number(Number(x).toPrecision(6))).replace("-", "−").replace("e+", "e");
-const read = (text) => (text.trim() ? Number(text.trim().replace("−", "-").replace(",", ".")) : NaN);
+const show = (x) => { // six digits; 1e20, not a one with twenty zeros
+  const near = Number(Number(x).toPrecision(6));
+  const text = Math.abs(near) >= 1e7 ? near.toExponential() : String(near);
+  return text.replaceAll("-", "−").replace("e+", "e");
+};
+const read = (text) => (
+  text.trim() ? Number(text.trim().replaceAll("−", "-").replace(",", ".")) : NaN
+);
 
 // A slider runs over positions: the value itself, or its decimal logarithm. The values that it can
 // set lie on a grid that begins at `base`: Control.nearest of controls.py says the same.
@@ -49,6 +55,10 @@ function sliderRow(control, changed, refused) {
   });
   let [current, touch] = [control.value, null];
 
+  const write = (x) => { // the field is as wide as its number: all digits of it can be read
+    field.value = show(x);
+    field.style.setProperty("--digits", field.value.length);
+  };
   const put = (x) => {
     current = x;
     range.value = position(x);
@@ -56,7 +66,7 @@ function sliderRow(control, changed, refused) {
     range.style.setProperty("--part", `${part}%`);
     range.setAttribute("aria-valuetext", `${show(x)} ${unit}`);
     if (document.activeElement === field && !field.ariaInvalid) return; // someone writes in it
-    field.value = show(x);
+    write(x);
     field.removeAttribute("aria-invalid");
   };
   const move = (x, settled) => {
@@ -101,7 +111,7 @@ function sliderRow(control, changed, refused) {
     if (x >= low && x <= high) {
       field.removeAttribute("aria-invalid");
       move(x, true);
-      field.value = show(current);
+      write(current);
       return true;
     }
     const wrong = Number.isNaN(x) ? "is no number" : "is outside";

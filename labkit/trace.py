@@ -125,6 +125,9 @@ class Quantity:
     def __float__(self) -> float:
         raise Untraceable("it hands a symbol to a function that takes only numbers")
 
+    def __round__(self, digits: object = None) -> float:
+        raise Untraceable("`round` takes halves to even numbers; floor(x + 0.5) is a formula")
+
     def __repr__(self) -> str:
         return str(self.e)
 

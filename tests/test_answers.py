@@ -77,6 +77,8 @@ def test_zero_needs_an_absolute_width_and_complex_numbers_are_compared_as_they_a
 def test_words_are_read_as_a_teacher_reads_them():
     assert check(" Longer. ", "longer") and check("limit  cycle", {"limit cycle", "cycle"})
     assert not check("shorter", "longer") and "quotes" in check(3, "longer").text
+    assert "quotes" in check("4.7", 4.7).text  # a number in quotes; and "never", where it is asked
+    assert check("never", 4.7, hint="It ends.").text == "`'never'` is not right yet. It ends."
 
 
 def test_yes_or_no():

@@ -244,6 +244,26 @@ def test_a_sliders_grid_begins_at_its_low_end(browser):
         assert [panel.controls[0].nearest(at) for at in (1.2, 2.1, 4.4, 9)] == [1, 3, 5, 6]
 
 
+def test_a_field_shows_all_digits_of_its_number_and_reads_what_it_shows(browser):
+    names = run_cell(CELLS[0], "<the lab's first cell>", {})
+    system = names["system"].variant(
+        "small and large",
+        parameters={
+            "G": names["Parameter"](-6.67415e-11, "", "", -7e-11, -6e-11),
+            "M": names["Parameter"](1e20, "", "", 1e19, 1e21),
+        },
+    )
+    panel = explore(system, 10.0)
+    with opened(browser, panel) as page:
+        shown = {"G": "−6.67415e−11", "M": "1e20"}
+        for name, text in shown.items():
+            assert field(page, name).input_value() == text
+            assert field(page, name).evaluate("node => node.scrollWidth <= node.clientWidth")
+        field(page, "G").fill("−6.5e−11")
+        page.keyboard.press("Enter")
+        assert until(page, lambda: panel.run.p.G == -6.5e-11)
+
+
 def test_undo_home_reset_and_the_settings_as_code(browser, hands):
     with opened(browser, hands) as page:
 
@@ -373,6 +393,11 @@ def test_picture_and_sliders_are_in_view_together_and_a_classroom_can_read_them(
         assert letters * shown_at >= 19.8
         room = page.locator(".labkit-room").bounding_box()
         assert room["width"] > 0.95 * PROJECTOR["width"] and page.problems == []
+        narrow = {**PROJECTOR, "width": 850}  # beside Lab's list of files: the sliders go below
+        page.set_viewport_size(narrow)
+        page.wait_for_timeout(1000)
+        wide = page.locator("canvas").bounding_box()["width"]
+        assert wide > 0.8 * narrow["width"]
 
 
 SIZES = """() => [...document.querySelectorAll('.labkit-panel *')]

@@ -357,7 +357,7 @@ def test_modes_with_states_of_their_own():
         (lambda t, s, p: many(s.x), "more than 64 branches"),
         (lambda t, s, p: None, "returns nothing"),
         (lambda t, s, p: s.x > 0, "true or false"),
-        (lambda t, s, p: round(s.x), "__round__"),
+        (lambda t, s, p: round(s.x), "halves to even"),
         (lambda t, s, p: math.isqrt(s.x), "isqrt|integer"),
         (lambda t, s, p: forever(s.x), "calls itself without end"),
         (lambda t, s, p: s.wrong, "no attribute 'wrong'"),
