@@ -10,6 +10,7 @@ from labkit import (
     Only,
     Parameter,
     System,
+    Transition,
     curves,
     explore,
     figure,
@@ -200,6 +201,18 @@ def test_cursor_held_run_clicks_and_export(pair, tmp_path):
     panel.run.to_csv(tmp_path / "both.csv")
     assert {path.name for path in tmp_path.iterdir()} == {"both_plain.csv", "both_damped.csv"}
     assert panel._picture()[0]["span"] == [0.0, 5.0]
+
+
+def test_one_of_several_that_ends_before_the_others_stays_at_its_end(pair):
+    ends = [Transition("motion", None, guard=lambda t, s, p: t - 1.0, direction=+1)]
+    models = {**pair, "short": pair["plain"].variant("short", transitions=ends)}
+
+    def draw(runs):
+        return [Only("short", mode_diagram(models["short"], axes=figure().axes[0]))]
+
+    panel = explore(models, 5.0, draw, **PLAIN)
+    assert panel.run["short"].t[-1] == pytest.approx(1.0)
+    panel._cursor({"t": 4.0})  # beyond the end of the one that is shown
 
 
 def test_a_sketch_moves_with_each_of_several(pair):

@@ -142,7 +142,10 @@ class Together(View):
 
 
 class Only(View):
-    """Only("plain", view): a view that is given several runs by name and shows one of them."""
+    """Only("plain", view): a view that is given several runs by name and shows one of them.
+
+    Once this one has ended it stays as it was then, while the others play on.
+    """
 
     def __init__(self, name: str, view: View):
         self.name, self.view, self.figure = name, view, view.figure
@@ -153,7 +156,8 @@ class Only(View):
         self.relimited = self.view.relimited
 
     def at(self, run: Any, t: float) -> None:
-        self.view.at(run[self.name], t)
+        one = run[self.name]
+        self.view.at(one, float(np.clip(t, *one.t[[0, -1]])))
 
 
 class Window:
