@@ -115,7 +115,7 @@ def _lost_by_an_event(settings: Settings, w: core.Workspace) -> str:
     system = settings.system
     places = system.places(settings.modes[w.i[core.MODE]])
     lost = [name for name, place in places.items() if not np.isfinite(w.y[place])]
-    label = system.transitions[int(w.ledger[end - 1][1])].label or "an event"
+    label = system.transitions[int(w.ledger[end - 1][1])].name
     if not lost:
         return ""
     return (
