@@ -115,7 +115,11 @@ def test_the_same_command_goes_to_the_environments_python(monkeypatch):
     [
         (["shwo", "part3/06"], "no command 'shwo'; did you mean show"),
         (["Run"], "no command 'Run'; did you mean run"),
-        (["xyzzy"], "no command 'xyzzy'; there are lab, show, page, run, test, setup, help"),
+        (
+            ["xyzzy"],
+            "no command 'xyzzy'; there are lab, show, page, run, new, report, key, site, test, "
+            "setup, help",
+        ),
     ],
 )
 def test_a_word_that_is_no_command_says_what_there_is(words, said, monkeypatch, capsys):
