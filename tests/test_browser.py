@@ -311,7 +311,7 @@ def test_the_panel(page, lab):
     panel.get_by_role("button", name="Save CSV").click()
     panel.locator(".labkit-said", has_text="oscillator.csv").wait_for()
     assert panel.bounding_box()["height"] == tall
-    assert (lab.folder / "oscillator.csv").read_text(encoding="utf-8").startswith("t [s],")
+    assert (lab.folder / "oscillator.csv").read_text(encoding="utf-8").startswith("# {")
 
     # Ctrl-S saves also while the panel has the focus; the file keeps the picture and nothing of the
     # widget.
