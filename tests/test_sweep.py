@@ -280,12 +280,17 @@ made = System("pushed", {"x": "m"}, {"h": Parameter(1.0, "", "", 0, 2)},
               [Mode("moves", lambda t, s, p: (push(t, p) - s.x,))], start={"x": 0.0})
 """
     names = run_cell(cell, "/nowhere/cell_7f3a.py", {"__name__": "__main__"})
+    for _ in range(600):  # once its code is on the disk, every process waits to read it
+        here = simulate(names["made"], 2.0).work.backend
+        if here != "plain":
+            break
+        sleep(0.2)
 
     def backend(run):
         return run.work.backend
 
     m = sweep(names["made"], 2.0, backend, h=[0.5, 1.0], executor=cluster.get_executor())
-    assert m.values.tolist() == [simulate(names["made"], 2.0).work.backend] * 2
+    assert m.values.tolist() == [here] * 2
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a worker is killed by a signal")
