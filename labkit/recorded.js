@@ -13,7 +13,8 @@ async function unpacked(bytes) {
   tape.images = tape.images.map((size) => data.subarray(at, (at += size)));
   let p = 0;
   for (const part of tape.parts) { // differences on a grid: recorded.py, _differences
-    part.floats = new Float32Array(2 * part.points);
+    part.floats = part.raw === undefined ? new Float32Array(2 * part.points)
+      : new Float32Array(tape.images[part.raw].slice().buffer); // points far outside
     let [x, y] = [0, 0];
     for (let k = 0; k < part.points; k++, p++) {
       const [dx, dy] = [0, 2].map((q) => ((planes[q][p] | (planes[q + 1][p] << 8)) << 16) >> 16);

@@ -137,18 +137,13 @@ class _Store:
     def frame(self, panel: Panel) -> dict[str, Any]:
         """The picture on show, by the numbers of its parts, and what the page says beside it."""
         message, buffers = panel._picture(RATIO, True, True)
-        if "mime" not in message:
-            points = np.frombuffer(buffers[0], "<f4").reshape(-1, 2)
-            if np.nanmax(np.abs(points), initial=0.0) * GRID > FAR:
-                message |= {"mime": "image/jpeg"}
-                buffers = [panel.scene.bitmap()]
         said = {
             key: message[key] for key in ("verdict", "stopped", "reading", "t", "span", "values")
         }
         said["size"] = message["size"]
-        if "mime" in message:  # too many points for strokes, or points far outside
+        if "mime" in message:  # it has too many points for strokes
             return said | {"mime": message["mime"], "bitmap": self._image(buffers[0])}
-        pixels = buffers[1]
+        points, pixels = np.frombuffer(buffers[0], "<f4").reshape(-1, 2), buffers[1]
         p = b = 0
         parts = {}
         for name, ops in message["ops"].items():
@@ -172,6 +167,13 @@ class _Store:
         return self.known[key]
 
     def _part(self, ops: list[dict[str, Any]], points: np.ndarray) -> int:
+        if np.nanmax(np.abs(points), initial=0.0) * GRID > FAR:  # as they are
+            raw = self._image(points.astype("<f4").tobytes())
+            key = hashlib.sha256(json.dumps([ops, raw]).encode()).digest()
+            if key not in self.known:
+                self.known[key] = len(self.parts)
+                self.parts.append({"ops": ops, "points": 0, "raw": raw})
+            return self.known[key]
         coded = _differences(points)
         key = hashlib.sha256(json.dumps(ops).encode() + coded.tobytes()).digest()
         if key not in self.known:
