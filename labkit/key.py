@@ -20,11 +20,10 @@ from typing import Any
 import nbformat
 
 from .answers import MARKS
-from .answers import MIME as CHECK
 from .course import project
 from .model import ModelError
 from .notebooks import ROOT, executed, found
-from .report import asked, with_results
+from .report import checks, with_results
 
 __all__ = ["Key", "key"]
 
@@ -179,12 +178,9 @@ def _said(output: Any) -> str:
 
 
 def _answers(cells: list[Any]) -> Iterator[tuple[str, str, str, str]]:
-    for cell in cells:
-        for output in cell.get("outputs", []):
-            if CHECK in output.get("data", {}):
-                check = output["data"][CHECK]
-                given = "–" if check["ok"] is None else check["answer"]
-                yield asked(cell["source"]), check["right"], given, MARKS[check["ok"]]
+    for name, check in checks(cells):
+        given = "–" if check["ok"] is None else check["answer"]
+        yield name, check["right"], given, MARKS[check["ok"]]
 
 
 def _beside(right: list[str], given: list[str]) -> list[tuple[str, str]]:

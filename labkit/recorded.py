@@ -167,18 +167,15 @@ class _Store:
         return self.known[key]
 
     def _part(self, ops: list[dict[str, Any]], points: np.ndarray) -> int:
-        if np.nanmax(np.abs(points), initial=0.0) * GRID > FAR:  # as they are
-            raw = self._image(points.astype("<f4").tobytes())
-            key = hashlib.sha256(json.dumps([ops, raw]).encode()).digest()
-            if key not in self.known:
-                self.known[key] = len(self.parts)
-                self.parts.append({"ops": ops, "points": 0, "raw": raw})
-            return self.known[key]
-        coded = _differences(points)
-        key = hashlib.sha256(json.dumps(ops).encode() + coded.tobytes()).digest()
+        part, coded = {"ops": ops, "points": len(points)}, points[:0].astype("<i2")
+        if np.nanmax(np.abs(points), initial=0.0) * GRID > FAR:  # as they are, as an image is kept
+            part |= {"points": 0, "raw": self._image(points.tobytes())}
+        else:
+            coded = _differences(points)
+        key = hashlib.sha256(json.dumps(part).encode() + coded.tobytes()).digest()
         if key not in self.known:
             self.known[key] = len(self.parts)
-            self.parts.append({"ops": ops, "points": len(coded)})
+            self.parts.append(part)
             self.points.append(coded)
         return self.known[key]
 

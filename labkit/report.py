@@ -36,7 +36,7 @@ from .recorded import MIME, script, style
 from .run import _write
 from .site import RecordedPage, in_one_line
 
-__all__ = ["asked", "report", "with_results"]
+__all__ = ["checks", "report", "with_results"]
 
 RAN = ".labkit"  # the folder of notebooks with results, beside the student's own
 _IMAGE = re.compile(r'<div class="jp-RenderedImage[^"]*"[^>]*>\s*(<img[^>]*>)\s*</div>')
@@ -180,7 +180,7 @@ def _answers(ran: list[Ran]) -> str:
     """What was predicted and answered, in a table at the end."""
     rows, right = [], 0
     for one in ran:
-        for name, check in _checks(one.cells):
+        for name, check in checks(one.cells):
             given = (check["answer"], check["right"]) if check["ok"] is not None else ("–", "")
             cells = (one.path.stem, name, *given, MARKS[check["ok"]])
             rows.append("".join(f"<td>{html.escape(cell)}</td>" for cell in cells))
@@ -196,16 +196,16 @@ def _answers(ran: list[Ran]) -> str:
     )
 
 
-def _checks(cells: list[Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Name of the answer and what `check` found, for each cell that shows one."""
+def checks(cells: list[Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """checks(notebook.cells) -> name of an answer and what `check` found, for each one shown."""
     for cell in cells:
         for output in cell.get("outputs", []):
             if CHECK in output.get("data", {}):
-                yield asked(cell["source"]), output["data"][CHECK]
+                yield _asked(cell["source"]), output["data"][CHECK]
 
 
-def asked(source: str) -> str:
-    """asked("check(my_period, 4.7)") -> "my_period", of the last `check` of a cell."""
+def _asked(source: str) -> str:
+    """check(my_period, 4.7) -> "my_period", of the last `check` of a cell."""
     try:
         calls = [
             node

@@ -16,16 +16,11 @@ from scipy.linalg import expm
 from labkit import Ended, ModelError, catalogue, characteristic, simulate
 from labkit.__main__ import COMMANDS
 
-from .helpers import load, read, source
+from .helpers import read, source
 
 NAME = "concepts/environment"
 RC, TAU = 1.0, 0.01 / 1.01  # s: in the dark, and lit
 LOW = 100 / 101  # V: where the lit lamp would settle
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def flashes_by_scipy(end, Td=0.0, r=1e4, U=100.0):

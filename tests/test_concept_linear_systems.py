@@ -17,11 +17,6 @@ NAME = "concepts/linear_systems"
 NUMBERS = st.floats(-4, 4).map(lambda value: round(value, 3))
 
 
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
-
-
 @settings(max_examples=200, deadline=None)
 @given(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS))
 def test_the_recipe_reaches_the_canonical_form_of_any_matrix(entries):

@@ -11,15 +11,8 @@ from scipy.integrate import quad
 
 from labkit import METHODS, simulate
 
-from .helpers import load
-
 NAME = "concepts/solvers_and_tolerances"
 TIGHT = {"rtol": 1e-12, "atol": 1e-13}
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def test_the_planet_returns_and_keeps_energy_and_area(names):

@@ -12,17 +12,10 @@ from scipy.integrate import solve_ivp
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/13_cork_in_water"
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 G, WATER, CORK, H = 9.81, 1000.0, 200.0, 0.5
 OTHER = {"first": (13600.0, 20.0, 0.0, (0.05, 0.0)), "second": (790.0, 25.0, 0.01, (0.0, 1.0))}
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def turned(rho, damping, time):

@@ -11,18 +11,11 @@ from scipy.integrate import solve_ivp
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/08_leaf_spring_machines"
 W = sqrt(0.5 / 0.7)
 PRINTED = (1 - exp(-1.0), (1 - exp(-1.0)) * cos(2.0))
 JOINED = ((1 - exp(-1.0)) / cos(1.0), (1 - exp(-1.0)) / cos(1.0) * cos(2.0) / sin(2.0))
 ENDS = (1.0, 2.0, 4.0)
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def rules(end):

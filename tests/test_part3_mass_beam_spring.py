@@ -11,21 +11,9 @@ from scipy.special import ellipkinc
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/12_mass_beam_spring"
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 R = math.sqrt(0.5)
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
-
-
-@pytest.fixture(scope="module")
-def system(names):
-    return names["system"]
 
 
 def test_handbook_values(names, system):

@@ -13,16 +13,9 @@ from scipy.linalg import expm
 
 from labkit import monodromy, simulate
 
-from .helpers import load
-
 NAME = "part3/15_piston_and_gas"
 TIGHT = {"rtol": 1e-12, "atol": 1e-13}
 G, P0, L0 = 9.81, 101325.0, 1000.0
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def printed(t, S=0.01, m=10.0, r=0.8, T=10.0, p0=P0):

@@ -13,15 +13,8 @@ from scipy.linalg import expm
 
 from labkit import monodromy, simulate
 
-from .helpers import load
-
 NAME = "part3/09_plate_in_gas"
 TIGHT = {"rtol": 1e-11, "atol": 1e-15}
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def wind(t, a=0.5, T=5.0):

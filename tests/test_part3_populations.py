@@ -11,16 +11,9 @@ from scipy.integrate import solve_ivp
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/07_two_populations"
 BEARS = (0.7, 0.7, 0.9, 0.9)
 ELKS = (0.6, 0.8, 0.9, 0.9)
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def reference(rates, start=(10.0, 20.0), end=240.0, winter=3.0, back=2.0, timers=(3.0, 5.0)):

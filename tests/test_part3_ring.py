@@ -12,16 +12,9 @@ import pytest
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/14_particle_and_ring"
 D = decimal.Decimal
 ORDER = 18
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def series(x, v, gm, R, near):

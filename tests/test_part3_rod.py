@@ -13,15 +13,8 @@ from scipy.integrate import solve_ivp
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/11_rod_and_pendulum"
 TIGHT = {"rtol": 1e-11, "atol": 1e-15}
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 @cache

@@ -10,15 +10,8 @@ import pytest
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/04_room_heater"
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def test_handbook_values(names):

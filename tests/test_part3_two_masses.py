@@ -12,18 +12,11 @@ from scipy.optimize import brentq
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/10_two_masses"
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 PHI = (1 + math.sqrt(5)) / 2
 # (x1, v1, x2, v2, sin θ, cos θ): the force is part of the state, so all is one linear system
 START = np.array([0.1, 0.0, -0.1, 0.0, 0.0, 1.0])
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def matrix(omega, cosine):

@@ -13,21 +13,9 @@ from scipy.optimize import brentq
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/02_unbalanced_rotor"
 TIGHT = {"rtol": 1e-12}
 SECOND = {"k": 0.5, "begin": 10.0}
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
-
-
-@pytest.fixture(scope="module")
-def system(names):
-    return names["system"]
 
 
 def turn(t, tw, c, ramp=10.0):

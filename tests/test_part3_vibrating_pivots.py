@@ -15,16 +15,9 @@ from scipy.special import mathieu_a
 
 from labkit import monodromy, simulate
 
-from .helpers import load
-
 NAME = "part3/03_vibrating_pivots"
 G, L, W = 9.81, 40.0, 5 * math.pi
 SMALL = math.radians(0.1)
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
 
 
 def piece(way, A, t0, t1, delta=0.0, omega=W):

@@ -12,8 +12,6 @@ from scipy.integrate import solve_ivp
 
 from labkit import simulate
 
-from .helpers import load
-
 NAME = "part3/01_water_slide"
 TIGHT = {"rtol": 1e-12, "points": 20}
 CASES = [
@@ -23,16 +21,6 @@ CASES = [
     {"alpha": 20.0, "L": 33.0, "k": 0.2, "H": 1.0},
     {"k": 0.0, "m": 110.0, "g": 3.7},
 ]
-
-
-@pytest.fixture(scope="module")
-def names():
-    return load(NAME)
-
-
-@pytest.fixture(scope="module")
-def system(names):
-    return names["system"]
 
 
 def by_hand(p):
