@@ -167,6 +167,7 @@ def executed(
         timeout=timeout,
         allow_errors=allow_errors,
         kernel_name="python3",
+        extra_arguments=["--log-level=ERROR"],  # a warning at each start says that TCP is plain
         store_widget_state=False,
         resources={"metadata": {"path": str(path.parent)}},
     )
