@@ -2,7 +2,7 @@
 
     project(13)                    # the three assignments of project 13, with links
     choose()                       # the same with a slider; saved, a table of all 30 projects
-    assignment(2, "1.b")           # one of them: .title, .task, .notebook, .exists
+    assignment(2, "1.b")           # one of them: .title, .story, .notebook, .exists
     catalogue()                    # every notebook that exists, and those that do not yet
     refresh()                      # the same, written into the start page
 
@@ -54,13 +54,12 @@ WITHOUT = (
 class Assignment:
     """assignment(3, 6) -> Assignment.
 
-    part, name ("6", "1.b", "sample"), title, task in a sentence, path below notebooks/.
+    part, name ("6", "1.b", "sample"), title, path below notebooks/.
     """
 
     part: int
     name: str
     title: str
-    task: str
     path: str
 
     @property
@@ -71,13 +70,21 @@ class Assignment:
     def exists(self) -> bool:
         return self.notebook.is_file()
 
+    @property
+    def story(self) -> str:
+        """What it is about, as its notebook's heading and first words say (Markdown)."""
+        head, words = _opening(self.notebook)
+        title = head.partition(": ")[2]
+        end = "" if title.endswith("?") else "."
+        return f"**{title[:1].upper()}{title[1:]}{end}** {words}" if title else words
+
     def __repr__(self) -> str:
         part = f"part {self.part}" if self.part else "concept"
         note = "" if self.exists else ", no notebook yet"
         return f"{part}, {self.name}: {self.title} ({self.path}.ipynb{note})"
 
     def _repr_html_(self) -> str:
-        return f"<p><b>{_link(self)}</b>: {html.escape(self.task)}</p>"
+        return f"<p>{_link(self)}: {_styled(self.story)}</p>"
 
 
 @dataclass(frozen=True)
@@ -92,11 +99,10 @@ class Project:
 
     def _repr_html_(self) -> str:
         rows = [
-            (str(a.part), html.escape(a.name), _link(a), html.escape(a.task))
-            for a in self.assignments
+            (str(a.part), html.escape(a.name), _link(a), _styled(a.story)) for a in self.assignments
         ]
         note = "" if all(a.exists for a in self.assignments) else f"<p>{WITHOUT}</p>"
-        head = ("part", "assignment", "notebook", "what to do")
+        head = ("part", "assignment", "notebook", "what it is about")
         return f"<p><b>Project {self.number}</b></p>" + _table(head, rows) + note
 
 
@@ -166,7 +172,7 @@ def catalogue() -> _Catalogue:
         folder = f"part{part}" if part else "concepts"
         here = [a for a in ASSIGNMENTS if a.part == part]
         here += [
-            Assignment(part, "", heading(HOME / f"{name}.ipynb"), "", name)
+            Assignment(part, "", heading(HOME / f"{name}.ipynb"), name)
             for name in names
             if name not in known and name.rpartition("/")[0] == folder
         ]
@@ -175,7 +181,7 @@ def catalogue() -> _Catalogue:
         if there:
             rows = [
                 f"| {a.name if a.name[:1].isdigit() else ''} | [{_plain(a.title)}]({a.path}.ipynb) "
-                f"| {_plain(a.task)} |"
+                f"| {a.story} |"
                 for a in there
             ]
             markdown.append(
@@ -213,17 +219,21 @@ def refresh() -> bool:
 
 def heading(path: Path) -> str:
     """heading(path) -> the first heading of a notebook, or its file name where there is none."""
+    return _opening(path)[0] or path.stem
+
+
+def _opening(path: Path) -> tuple[str, str]:
+    """The first heading of a notebook, and the paragraph after it without its first words in
+    italics, which say whose it is; "" for what there is not.
+    """
     try:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        lines = (
-            line
-            for cell in cells
-            if cell["cell_type"] == "markdown"
-            for line in "".join(cell["source"]).splitlines()
-        )
-        return next(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
-    except (OSError, ValueError, KeyError, TypeError, StopIteration):
-        return path.stem
+        texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return "", ""
+    found = re.search(r"^#+ *(.*)$\s*((?:.+\n?)*)", "\n\n".join(texts), re.MULTILINE)
+    head, words = found.groups() if found else ("", "")
+    return head.strip(), " ".join(re.sub(r"^\*[^*]+\*", "", words).split())
 
 
 def overview() -> str:
@@ -305,6 +315,12 @@ def _plain(text: str) -> str:
     return re.sub(r"([\\`*_\[\]<>|$])", r"\\\1", text)
 
 
+def _styled(markdown: str) -> str:
+    """Words of a notebook as HTML: bold and italics."""
+    text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(markdown))
+    return re.sub(r"\*(.+?)\*", r"<em>\1</em>", text)
+
+
 def _link(a: Assignment, name: bool = True) -> str:
     title = html.escape(a.title)
     if a.exists:
@@ -320,340 +336,71 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-def _equilibrium(number: int, kind: str, how: str, path: str) -> Assignment:
-    return Assignment(
-        1,
-        str(number),
-        f"{kind.capitalize()}, {how}",
-        f"Make a linear system of your own whose equilibrium is {_A[kind[0] in 'aeiou']} {kind}, "
-        f"with a similarity transformation by {how}; solve it and compare with the exact solution.",
-        f"part1/{number:02}_{path}",
-    )
+#: part, name, file and title of all assignments; what each is about stands in its notebook
+_ROWS = """
+1 | sample | 00_sample_stable_spiral | Sample: a stable spiral
+1 | 1 | 01_stable_node_matrix_a | Stable node, matrix A
+1 | 2 | 02_unstable_node_matrix_b | Unstable node, matrix B
+1 | 3 | 03_stable_star_reflection | Stable star, reflection
+1 | 4 | 04_unstable_star_rotation | Unstable star, rotation
+1 | 5 | 05_stable_improper_node_matrix_a | Stable improper node, matrix A
+1 | 6 | 06_unstable_improper_node_matrix_b | Unstable improper node, matrix B
+1 | 7 | 07_saddle_reflection | Saddle, reflection
+1 | 8 | 08_elliptic_point_rotation | Elliptic point, rotation
+1 | 9 | 09_stable_spiral_matrix_a | Stable spiral, matrix A
+1 | 10 | 10_unstable_spiral_matrix_b | Unstable spiral, matrix B
+1 | 11 | 11_stable_node_reflection | Stable node, reflection
+1 | 12 | 12_unstable_node_rotation | Unstable node, rotation
+2 | introduction | 00_relay_pendulum | Introduction: a relay pendulum
+2 | sample | 00_sample_relay_hysteresis | Sample: a driven mass with a hysteresis relay
+2 | 1.a | 1a_relay | Relay
+2 | 1.b | 1b_relay_hysteresis | Relay with hysteresis
+2 | 1.c | 1c_relay_dead_zone | Relay with a dead zone
+2 | 1.d | 1d_relay_dead_zone_hysteresis | Relay with a dead zone and hysteresis
+2 | 1.e | 1e_saturation | Saturation
+2 | 1.f | 1f_saturation_hysteresis | Saturation with hysteresis
+2 | 1.g | 1g_dead_zone_saturation | Dead zone with saturation
+2 | 1.h | 1h_dead_zone_saturation_hysteresis | Dead zone with saturation and hysteresis
+2 | 1.i | 1i_smooth_relay | Smooth relay
+2 | 1.j | 1j_smooth_relay_dead_zone | Smooth relay with a dead zone
+2 | 2.a | 2a_relay | Driven: relay
+2 | 2.b | 2b_saturation | Driven: saturation
+2 | 2.c | 2c_relay_dead_zone | Driven: relay with a dead zone
+2 | 2.d | 2d_preloaded_spring | Driven: preloaded spring
+2 | 2.e | 2e_two_slopes | Driven: two slopes
+2 | 2.f | 2f_clearance_springs | Driven: springs beyond a clearance
+3 | sample | 00_sample_dry_friction | Sample: self-oscillation by dry friction
+3 | bouncing ball | 00_bouncing_ball | Demonstration: bouncing ball
+3 | circuit | 00_switched_circuit | Demonstration: switched circuit
+3 | ball on spring | 00_ball_on_spring | Demonstration: ball on a spring
+3 | torn pendulum | 00_torn_pendulum | Demonstration: torn pendulum
+3 | 1 | 01_water_slide | Water slide
+3 | 2 | 02_unbalanced_rotor | Machine with an unbalanced rotor
+3 | 3 | 03_vibrating_pivots | Two pendulums with vibrating pivots
+3 | 4 | 04_room_heater | Room heater with dead time
+3 | 5 | 05_automatic_gearbox | Automatic gearbox
+3 | 6 | 06_dc_dc_converter | DC-DC converter
+3 | 7 | 07_two_populations | Two populations
+3 | 8 | 08_leaf_spring_machines | Machines with leaf springs
+3 | 9 | 09_plate_in_gas | Rigid plate in a gas stream
+3 | 10 | 10_two_masses | Two masses on springs
+3 | 11 | 11_rod_and_pendulum | Rod and pendulum
+3 | 12 | 12_mass_beam_spring | Mass, beam and spring
+3 | 13 | 13_cork_in_water | Cork in water
+3 | 14 | 14_particle_and_ring | Particle and ring
+3 | 15 | 15_piston_and_gas | Piston and gas
+0 | environment | environment | The environment
+0 | nonlinear elements | nonlinear_elements | Nonlinear elements
+0 | linear systems | linear_systems | Linear systems
+0 | solvers and tolerances | solvers_and_tolerances | Solvers and tolerances
+"""
 
 
-_A = {True: "an", False: "a"}
-_FIRST = (
-    "Swing the first pendulum with {}; "
-    "see how the constants and the start decide what becomes of the motion."
-)
-_SECOND = (
-    "Let a sine force drive a mass held by {}: "
-    "without the force, with the force on and off in turn, and with it always on."
-)
+def _assignments(rows: str) -> Iterable[Assignment]:
+    for row in rows.strip().splitlines():
+        part, name, file, title = row.split(" | ")
+        folder = "concepts" if part == "0" else f"part{part}"
+        yield Assignment(int(part), name, title, f"{folder}/{file}")
 
 
-def _pendulum(kind: int, letter: str, title: str, what: str, path: str) -> Assignment:
-    return Assignment(
-        2,
-        f"{kind}.{letter}",
-        title,
-        (_FIRST if kind == 1 else _SECOND).format(what),
-        f"part2/{kind}{letter}_{path}",
-    )
-
-
-ASSIGNMENTS: tuple[Assignment, ...] = (
-    Assignment(
-        1,
-        "sample",
-        "Sample: a stable spiral",
-        "The worked sample of part 1: a stable spiral about a chosen point, from several starts, "
-        "against the exact solution.",
-        "part1/00_sample_stable_spiral",
-    ),
-    _equilibrium(1, "stable node", "matrix A", "stable_node_matrix_a"),
-    _equilibrium(2, "unstable node", "matrix B", "unstable_node_matrix_b"),
-    _equilibrium(3, "stable star", "reflection", "stable_star_reflection"),
-    _equilibrium(4, "unstable star", "rotation", "unstable_star_rotation"),
-    _equilibrium(5, "stable improper node", "matrix A", "stable_improper_node_matrix_a"),
-    _equilibrium(6, "unstable improper node", "matrix B", "unstable_improper_node_matrix_b"),
-    _equilibrium(7, "saddle", "reflection", "saddle_reflection"),
-    _equilibrium(8, "elliptic point", "rotation", "elliptic_point_rotation"),
-    _equilibrium(9, "stable spiral", "matrix A", "stable_spiral_matrix_a"),
-    _equilibrium(10, "unstable spiral", "matrix B", "unstable_spiral_matrix_b"),
-    _equilibrium(11, "stable node", "reflection", "stable_node_reflection"),
-    _equilibrium(12, "unstable node", "rotation", "unstable_node_rotation"),
-    Assignment(
-        2,
-        "introduction",
-        "Introduction: a relay pendulum",
-        "A pendulum on the circle, pushed one way or the other by a relay: what nonlinear systems "
-        "do that linear ones cannot.",
-        "part2/00_relay_pendulum",
-    ),
-    Assignment(
-        2,
-        "sample",
-        "Sample: a driven mass with a hysteresis relay",
-        "The worked sample of part 2: a mass, a relay with hysteresis and a sine force; every "
-        "switch is found.",
-        "part2/00_sample_relay_hysteresis",
-    ),
-    _pendulum(1, "a", "Relay", "a relay", "relay"),
-    _pendulum(1, "b", "Relay with hysteresis", "a relay that switches late", "relay_hysteresis"),
-    _pendulum(
-        1,
-        "c",
-        "Relay with a dead zone",
-        "a relay that does nothing near the middle",
-        "relay_dead_zone",
-    ),
-    _pendulum(
-        1,
-        "d",
-        "Relay with a dead zone and hysteresis",
-        "a relay that has a dead zone and switches late",
-        "relay_dead_zone_hysteresis",
-    ),
-    _pendulum(
-        1,
-        "e",
-        "Saturation",
-        "a characteristic that is straight in the middle and limited outside",
-        "saturation",
-    ),
-    _pendulum(
-        1,
-        "f",
-        "Saturation with hysteresis",
-        "a limited characteristic that lags behind the motion",
-        "saturation_hysteresis",
-    ),
-    _pendulum(
-        1,
-        "g",
-        "Dead zone with saturation",
-        "a characteristic with a dead zone, a slope and a limit",
-        "dead_zone_saturation",
-    ),
-    _pendulum(
-        1,
-        "h",
-        "Dead zone with saturation and hysteresis",
-        "a dead zone, a slope and a limit that lag behind the motion",
-        "dead_zone_saturation_hysteresis",
-    ),
-    _pendulum(
-        1, "i", "Smooth relay", "a relay whose jump is rounded to an arctangent", "smooth_relay"
-    ),
-    _pendulum(
-        1,
-        "j",
-        "Smooth relay with a dead zone",
-        "a rounded relay with a dead zone",
-        "smooth_relay_dead_zone",
-    ),
-    _pendulum(2, "a", "Driven: relay", "a force of constant size towards the middle", "relay"),
-    _pendulum(2, "b", "Driven: saturation", "a spring whose force is limited", "saturation"),
-    _pendulum(
-        2,
-        "c",
-        "Driven: relay with a dead zone",
-        "a constant force that sets in outside a dead zone",
-        "relay_dead_zone",
-    ),
-    _pendulum(
-        2,
-        "d",
-        "Driven: preloaded spring",
-        "a spring with a preload, so that its force jumps at the middle",
-        "preloaded_spring",
-    ),
-    _pendulum(
-        2, "e", "Driven: two slopes", "a spring whose stiffness changes at a limit", "two_slopes"
-    ),
-    _pendulum(
-        2,
-        "f",
-        "Driven: springs beyond a clearance",
-        "nothing within a clearance and by springs beyond it",
-        "clearance_springs",
-    ),
-    Assignment(
-        3,
-        "sample",
-        "Sample: self-oscillation by dry friction",
-        "The worked sample of part 3: a block pulled by a spring sticks, slips, and sticks again.",
-        "part3/00_sample_dry_friction",
-    ),
-    Assignment(
-        3,
-        "bouncing ball",
-        "Demonstration: bouncing ball",
-        "An event changes the state: ever more bounces in ever less time, and how a simulation "
-        "lives with it.",
-        "part3/00_bouncing_ball",
-    ),
-    Assignment(
-        3,
-        "circuit",
-        "Demonstration: switched circuit",
-        "A known instant changes a parameter: a series circuit whose resistance is switched, "
-        "modelled in two ways.",
-        "part3/00_switched_circuit",
-    ),
-    Assignment(
-        3,
-        "ball on spring",
-        "Demonstration: ball on a spring",
-        "An event changes the equation: a ball falls on a spring and is thrown back.",
-        "part3/00_ball_on_spring",
-    ),
-    Assignment(
-        3,
-        "torn pendulum",
-        "Demonstration: torn pendulum",
-        "An event changes the variables themselves: the rod of a pendulum tears and its mass "
-        "flies on.",
-        "part3/00_torn_pendulum",
-    ),
-    Assignment(
-        3,
-        "1",
-        "Water slide",
-        "Follow a slider down the slope, round the arc, through the air and under water, and find "
-        "the smallest safe pool.",
-        "part3/01_water_slide",
-    ),
-    Assignment(
-        3,
-        "2",
-        "Machine with an unbalanced rotor",
-        "Find out whether a warning that shifts the frequencies saves one machine, or two, from "
-        "destruction by resonance.",
-        "part3/02_unbalanced_rotor",
-    ),
-    Assignment(
-        3,
-        "3",
-        "Two pendulums with vibrating pivots",
-        "Keep a pendulum upright by shaking its pivot while the amplitude changes, and say when "
-        "it stays up.",
-        "part3/03_vibrating_pivots",
-    ),
-    Assignment(
-        3,
-        "4",
-        "Room heater with dead time",
-        "Control the temperature of a room with a heater that is on or off and a sensor that is "
-        "late.",
-        "part3/04_room_heater",
-    ),
-    Assignment(
-        3,
-        "5",
-        "Automatic gearbox",
-        "Follow a car with a speed controller and four gears over set points and hills, without a "
-        "jerk at the shifts.",
-        "part3/05_automatic_gearbox",
-    ),
-    Assignment(
-        3,
-        "6",
-        "DC-DC converter",
-        "Raise a voltage with a switch, a coil and a diode: start-up, limit cycle, ripple, and "
-        "light load.",
-        "part3/06_dc_dc_converter",
-    ),
-    Assignment(
-        3,
-        "7",
-        "Two populations",
-        "Let two kinds of animals compete for food, with winters and the chance to die out and "
-        "return.",
-        "part3/07_two_populations",
-    ),
-    Assignment(
-        3,
-        "8",
-        "Machines with leaf springs",
-        "Drive two sprung machines over a bumpy road where each must keep its distance from the "
-        "other.",
-        "part3/08_leaf_spring_machines",
-    ),
-    Assignment(
-        3,
-        "9",
-        "Rigid plate in a gas stream",
-        "Find out when a hinged plate in a gusty stream returns to rest and when it has an "
-        "accident.",
-        "part3/09_plate_in_gas",
-    ),
-    Assignment(
-        3,
-        "10",
-        "Two masses on springs",
-        "Shake a chain of two masses with a force that changes its shape and pitch, and keep them "
-        "apart.",
-        "part3/10_two_masses",
-    ),
-    Assignment(
-        3,
-        "11",
-        "Rod and pendulum",
-        "Ask whether an elastic rod whose free length is shaken survives: resonance through a "
-        "changing parameter.",
-        "part3/11_rod_and_pendulum",
-    ),
-    Assignment(
-        3,
-        "12",
-        "Mass, beam and spring",
-        "Halve a mass in mid-swing when the swing touches, but does not pass, its limit: a trap "
-        "for every solver.",
-        "part3/12_mass_beam_spring",
-    ),
-    Assignment(
-        3,
-        "13",
-        "Cork in water",
-        "See which of two floating bodies jumps higher while the liquids under them are exchanged.",
-        "part3/13_cork_in_water",
-    ),
-    Assignment(
-        3,
-        "14",
-        "Particle and ring",
-        "Watch a particle swing through a ring that pulls it while the ring changes its size, and "
-        "ask how far an answer can be trusted.",
-        "part3/14_particle_and_ring",
-    ),
-    Assignment(
-        3,
-        "15",
-        "Piston and gas",
-        "Let a piston ride on a gas whose outer pressure drops and returns, and find out when its "
-        "motion grows.",
-        "part3/15_piston_and_gas",
-    ),
-    Assignment(
-        0,
-        "environment",
-        "The environment",
-        "Judge the tool itself by experiments: how it writes, checks and exports models, and where "
-        "it ends.",
-        "concepts/environment",
-    ),
-    Assignment(
-        0,
-        "nonlinear elements",
-        "Nonlinear elements",
-        "Relay, saturation, dead zone and hysteresis in a loop, and what they do that no linear "
-        "element does.",
-        "concepts/nonlinear_elements",
-    ),
-    Assignment(
-        0,
-        "linear systems",
-        "Linear systems",
-        "Eigenvalues, canonical forms, and the map of all equilibria by trace and determinant.",
-        "concepts/linear_systems",
-    ),
-    Assignment(
-        0,
-        "solvers and tolerances",
-        "Solvers and tolerances",
-        "What a tolerance buys, what finding events buys, and how solvers fail.",
-        "concepts/solvers_and_tolerances",
-    ),
-)
+ASSIGNMENTS: tuple[Assignment, ...] = tuple(_assignments(_ROWS))

@@ -41,7 +41,9 @@ def folder(tmp_path, monkeypatch):
     """A notebooks folder of its own, with two notebooks in it."""
     monkeypatch.setattr(course, "HOME", tmp_path)
     for name, lines in {
-        "part3/06_dc_dc_converter": ["# Boost"],
+        "part3/06_dc_dc_converter": [
+            "# Boost: up it goes\n\n*Assignment 6.* Twenty in, *forty* out?"
+        ],
         "part2/my_own": ["text\n", "## My <own> relay"],
         "part1/.ipynb_checkpoints/x": [],
     }.items():
@@ -91,6 +93,7 @@ def test_every_assignment_is_there_once():
         == len(ASSIGNMENTS)
         == 55
     )
+    assert len({a.story for a in ASSIGNMENTS}) == 55
     for a in ASSIGNMENTS:
         folder, name = a.path.split("/")
         assert (
@@ -98,7 +101,8 @@ def test_every_assignment_is_there_once():
             and name == name.lower()
             and name.isascii()
         )
-        assert a.title and a.task.endswith(".") and len(a.task) > 40
+        # a sentence or two in a table, none of them told twice
+        assert a.title and a.story[-1] in ".?" and 60 < len(a.story) < 420 and "|" not in a.story
         if a.name[0].isdigit():
             assert name.startswith(
                 f"{int(a.name):02}_" if a.name.isdigit() else f"{a.name[0]}{a.name[2]}_"
@@ -138,7 +142,10 @@ def test_links_only_to_what_is_there_and_names_what_is_to_come(folder):
 
 def test_catalogue_reads_the_disk(folder):
     page = catalogue()._repr_markdown_()
-    assert "| 6 | [DC-DC converter](part3/06_dc_dc_converter.ipynb) | Raise a voltage" in page
+    story = "**Up it goes.** Twenty in, *forty* out?"
+    assert f"| 6 | [DC-DC converter](part3/06_dc_dc_converter.ipynb) | {story} |" in page
+    as_html = "<b>Up it goes.</b> Twenty in, <em>forty</em> out?"
+    assert as_html in assignment(3, 6)._repr_html_() and as_html in project(6)._repr_html_()
     # a teacher's own, by its heading
     assert r"|  | [My \<own\> relay](part2/my_own.ipynb) |" in page
     assert page.count("](") == 2 and "checkpoint" not in page

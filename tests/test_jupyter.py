@@ -217,7 +217,7 @@ def test_the_start_page_finds_by_a_word_and_ends_at_the_chooser(lab, browser):
             time.sleep(1)  # for a page that would still scroll
             box = slider.bounding_box()
             assert 0 < box["y"] < 600, box
-            assert view.get_by_role("columnheader", name="what to do").bounding_box()["y"] < 768
+            assert view.get_by_role("columnheader", name="assignment").bounding_box()["y"] < 768
         view.locator(".jp-Notebook").click(position={"x": 5, "y": 5})
         view.keyboard.press("Control+f")
         view.locator(".jp-DocumentSearch-input").first.fill("converter")
