@@ -419,6 +419,8 @@ class _Lit(View):
         self.whole = total <= wide
         if not self.whole:
             widths[:] = total / len(widths) - gap
+            for name, text in self.words.items():
+                text.set_text(textwrap.fill(name, 14))
         nodes = [
             _Node(width, 0.9, [text], x - width / 2 - gap / 2)
             for width, text, x in zip(

@@ -356,10 +356,10 @@ class Curves(View):
         for text in self.drawn.values():
             if isinstance(text, Text) and text.get_text():
                 text.set_fontsize(given := vars(text).setdefault("given", text.get_fontsize()))
-                box = text.get_window_extent()
-                beyond = max(box.x1 - self.figure.bbox.x1, self.figure.bbox.x0 - box.x0)
-                if beyond > 0:
-                    text.set_fontsize(given * (1 - beyond / box.width))
+                box, page = text.get_window_extent(), self.figure.bbox
+                right = max(box.x1 - page.x1, page.x0 - box.x0) / box.width
+                up = 2 * max(box.y1 - page.y1, page.y0 - box.y0) / box.height
+                text.set_fontsize(given * (1 - min(max(right, up, 0.0), 0.7)))
 
     def _fill(
         self,

@@ -28,7 +28,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
-from matplotlib.transforms import Bbox
+from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
 from ..model import ModelError, System
@@ -64,7 +64,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (5, 1.6, 1.2, 1.6)), (0, (1.4, 
 BANDS = (0.11, 0.23, 0.16, 0.31)
 ROW = 0.2  # inches that a row of a legend is high
 LOW = 0.14  # the part of a picture's height from which on a legend stands beside the axes,
-MOST = 0.25  # and, where it has no room there, is without the modes
+MOST = 0.16  # and, where it has no room there, is without the modes
 INK, GREY, FAINT, GRID = "#222222", "#666666", "#8A8A8A", "#E3E3E3"
 
 CSS_DPI = 96  # an inch on the page
@@ -144,7 +144,7 @@ class HouseAxes(Axes):
     roomed = (0.0, 0.0, 0.0)
     crown = (0.0, 0.0)  # how far the head reaches to the right of the axes, and above them
     lifted = 0  # by how many points a title stands higher, for a legend below it
-    fitted = (0.0, 0.0)  # the size in inches for which `when_resized` has been answered
+    fitted = (0.0, 0.0, 0.0, 0.0)  # where it was, in inches, at the last call of `when_resized`
     bare = False  # the numbers along x stand at axes below alone
 
     def __init__(self, *arguments: Any, **options: Any):
@@ -157,7 +157,7 @@ class HouseAxes(Axes):
         room, moved = _room(self), False
         if self.headed is not None:
             near = zip(room, self.roomed, strict=True)
-            if not all(0.85 < now / then < 1.18 for now, then in near if now + then):
+            if not all(0.96 < now / then < 1.18 for now, then in near if now + then):
                 head(self, *self.headed)
                 moved = True
         elif title := self.get_title("left"):
@@ -168,11 +168,12 @@ class HouseAxes(Axes):
             elif moved:
                 self.set_title(shown, loc="left")
         moved |= self._break_labels() | self._spare_numbers()
-        size = tuple(self.get_position().size * self.get_figure().get_size_inches())
-        if max(map(abs, np.subtract(size, self.fitted))) > 0.02:
-            self.fitted = size
+        size = self.get_figure().get_size_inches()
+        place = tuple(self.get_position().extents * np.tile(size, 2))
+        if max(map(abs, np.subtract(place, self.fitted))) > 0.02:
+            self.fitted = place
             for fit in vars(self).get("resized", ()):
-                fit(*size)
+                fit(*(self.get_position().size * size))
         return moved
 
     def _break_labels(self) -> bool:
@@ -541,7 +542,11 @@ def head(
         beyond = needed(1, -handle)
     elif entries and "\n" not in title and over + needed(count, 2.0) < wide:
         place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
-        rows, handle, columns, over = max(1, rows), -2.0, count, 0.0
+        rows, handle, columns, over = 1, -2.0, count, 0.0
+    elif entries and title and "\n" not in title and over + needed(count, 1.2) < reach:
+        right = ScaledTranslation(over, 0, axes.get_figure().dpi_scale_trans)
+        place["bbox_transform"] = axes.transAxes + right
+        rows, handle, columns, over = 1, -1.2, count, 0.0
     axes.crown = beyond, ROW * (rows + bool(over) + title.count("\n"))
     with style():
         axes.set_title(title, loc="left", pad=8 + 72 * ROW * rows if over and rows else 6)
@@ -582,7 +587,7 @@ def _room(axes: Axes) -> tuple[float, float, float]:
 
 
 def when_resized(axes: Axes, fit: Callable[[float, float], None]) -> None:
-    """when_resized(axes, fit): calls fit(width, height), in inches, when axes have another size.
+    """when_resized(axes, fit): calls fit(width, height), in inches, once the axes are elsewhere.
 
     It may move what is in the axes, not the axes.
     """

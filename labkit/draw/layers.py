@@ -285,7 +285,8 @@ class Equilibria(Layer):
             side, up = self._free_corner(
                 (x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken
             )
-            fits = 0.075 * max(map(len, words.split("\n"))) < 0.8 * wide
+            across = max(x - x0, x1 - x) / (x1 - x0) * wide
+            fits = 0.075 * max(map(len, words.split("\n"))) < across + 0.2
             new = words, x, y, side, up, fits
             if self._said.get(k) != new:  # else a picture need not be sent words that it has
                 text.set(
@@ -443,6 +444,8 @@ class GuardLines(Layer):
         steep = np.ptp(curve[:, 1]) > np.ptp(curve[:, 0])
         dpi, box = self.figure.dpi, self.axes.bbox
         w, h = 0.068 * len(name) * dpi / box.width, 0.17 * dpi / box.height
+        if w > 0.6:  # in small axes a name would say less than it hides
+            return text.set_visible(False)
         dx, dy = 0.07 * dpi / box.width, 0.06 * dpi / box.height
         order = np.argsort(-curve[:, 1 if steep else 0], kind="stable")
         best: tuple[float, Any] = (np.inf, None)

@@ -319,8 +319,10 @@ class PhasePortrait(View):
                 part.name()
         self._name_guards()
         if self._noted is not None:
-            reach = self.figure.get_figwidth() * (1 - self.axes.get_position().x0)
-            self._noted.set_text("\n".join(on_lines(self.axes, n, 8.5, reach) for n in self.notes))
+            width, height = self.figure.get_size_inches()
+            reach = width * (1 - self.axes.get_position().x0)
+            said = (on_lines(self.axes, note, 8.5, reach) for note in self.notes)
+            self._noted.set_text("\n".join(said) if height > 2.6 else "")  # else height is dear
 
     def _name_guards(self) -> None:
         for part in self.layers:
