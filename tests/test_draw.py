@@ -1251,6 +1251,17 @@ def test_in_a_classroom_a_legend_leaves_the_axes_their_height(columns, count):
     assert max(widths) < 1.1 * min(widths)  # over its neighbour a legend takes no room from it
 
 
+def test_a_long_name_in_a_legend_stays_off_its_neighbours():
+    fig = figure(1, 2, width=5.0, height=3.0)
+    long = "the current reaches zero in each period"
+    for axes in fig.axes:
+        head(axes, "", [(axes.plot([0, 1], label="_")[0], long)])
+    fig.png()
+    one, other = (axes.get_legend().get_window_extent() for axes in fig.axes)
+    assert not one.overlaps(other) and other.x1 <= fig.bbox.x1
+    assert f"curves {long}" in fig.alt
+
+
 def test_words_stay_in_a_small_picture_and_apart():
     """Four axes on a telephone: titles and labels break, and low axes share the numbers below."""
     fig = figure(2, 2, width=9.0, height=5.0)

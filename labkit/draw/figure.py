@@ -513,9 +513,11 @@ def head(
     axes.headed = title, list(entries), aside
     high = axes.get_figure().get_figheight()
     size, count = STYLE["legend.fontsize"], len(entries)
+    room = reach - 3.1 * size / 72
+    entries = [(artist, on_lines(axes, text, size, room)) for artist, text in entries]
 
     def needed(columns: int, handle: float) -> float:
-        words = [_inches(text, size) for _, text in entries]
+        words = [max(_inches(line, size) for line in text.split("\n")) for _, text in entries]
         parts = np.array_split(words, columns)  # as a legend fills them
         return sum(part.max() + (handle + 1.9) * size / 72 for part in parts)
 
@@ -547,6 +549,7 @@ def head(
         right = ScaledTranslation(over, 0, axes.get_figure().dpi_scale_trans)
         place["bbox_transform"] = axes.transAxes + right
         rows, handle, columns, over = 1, -1.2, count, 0.0
+    rows += max((text.count("\n") for _, text in entries), default=0) if rows else 0
     axes.crown = beyond, ROW * (rows + bool(over) + title.count("\n"))
     with style():
         axes.set_title(title, loc="left", pad=8 + 72 * ROW * rows if over and rows else 6)
