@@ -24,7 +24,7 @@ from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from .draw.figure import INK, Figure, figure, mode_colors, style, tint
+from .draw.figure import INK, VEIL, Figure, figure, mode_colors, style, tint, when_resized
 from .draw.view import View
 from .equations import Equations, check_system, equations
 from .model import At, Every, System, Transition
@@ -55,6 +55,7 @@ class _Arc:
     ends: list[float] = field(
         default_factory=lambda: [0.0, 0.0]
     )  # x where it leaves and where it arrives
+    height: float = 0.0  # of its top over the boxes
     control: np.ndarray | None = None  # (4, 2) of its Bézier curve
     points: np.ndarray | None = None
     box: Bbox | None = None  # of its label
@@ -130,7 +131,9 @@ def _arcs(axes: Axes, system: System) -> list[_Arc]:
         for i, source in enumerate(
             sources
         ):  # from three sources on, one label at the widest arc is enough
-            text = _text(axes, words, 9) if words and (i == 0 or len(sources) < 3) else None
+            text = (
+                _text(axes, words, 9, bbox=VEIL) if words and (i == 0 or len(sources) < 3) else None
+            )
             arcs.append(_Arc(keys[source], keys[tr.target], text))
         arcs += [
             _Arc(keys[source], keys[tr.zeno], _text(axes, "Zeno", 9), dashed=True)
@@ -154,6 +157,7 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
     else:
         sign = {-1: r"\downarrow", 1: r"\uparrow", 0: "="}[tr.direction]
         text = f"${formulas.latex(guard)} {sign} 0$"
+        text = text.replace("\\left|", "|").replace("\\right|", "|").replace("\\frac", "\\dfrac")
     if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay:
         text += f", delay ${formulas.latex(tr.delay)}$"
     try:
@@ -175,7 +179,7 @@ def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
         va="center",
         fontsize=size,
         color=INK,
-        linespacing=2.0 if "\\frac" in words else 1.25,
+        linespacing=1.25,
         zorder=5,
         **options,
     )
@@ -249,10 +253,10 @@ def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
             arc.box = Bbox([middle - size / 2, middle + size / 2]) if arc.text else None
             clashes = sum(_clash(arc, other) for other in done if other.side == arc.side)
             if best is None or clashes < best[0]:
-                best = clashes, arc.control, arc.points, arc.box
+                best = clashes, height, arc.control, arc.points, arc.box
             if clashes == 0:
                 break
-        _, arc.control, arc.points, arc.box = best
+        _, arc.height, arc.control, arc.points, arc.box = best
         done.append(arc)
 
 
@@ -284,27 +288,28 @@ def _clash(a: _Arc, b: _Arc) -> int:
     )
 
 
+def _box(axes: Axes, color: str) -> FancyBboxPatch:
+    """A mode's box in its colour; `_fill` gives it its place."""
+    look = {"fc": tint(color, 0.18), "ec": color, "lw": 1.8, "zorder": 3}
+    return axes.add_patch(
+        FancyBboxPatch((0, 0), 1, 1, boxstyle="round,pad=0,rounding_size=0.12", **look)
+    )
+
+
+def _fill(box: FancyBboxPatch, node: _Node) -> None:
+    """Puts a box and the words in it, one below the other, where its node is."""
+    box.set_bounds(node.x - node.width / 2, -node.height / 2, node.width, node.height)
+    sizes = [_size(text)[1] for text in node.texts]
+    y = (sum(sizes) + 0.07 * (len(sizes) - 1)) / 2
+    for text, height in zip(node.texts, sizes, strict=True):
+        text.set_position((node.x, y - height / 2))
+        y -= height + 0.07
+
+
 def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: list[_Arc]) -> None:
     colors = mode_colors(system)
     for node, (name, color) in zip(nodes, colors.items(), strict=False):
-        corner = node.x - node.width / 2, -node.height / 2
-        axes.add_patch(
-            FancyBboxPatch(
-                corner,
-                node.width,
-                node.height,
-                boxstyle="round,pad=0,rounding_size=0.12",
-                fc=tint(color, 0.18),
-                ec=color,
-                lw=1.8,
-                zorder=3,
-            )
-        )
-        sizes = [_size(text)[1] for text in node.texts]
-        y = (sum(sizes) + 0.07 * (len(sizes) - 1)) / 2
-        for text, height in zip(node.texts, sizes, strict=True):
-            text.set_position((node.x, y - height / 2))
-            y -= height + 0.07
+        _fill(_box(axes, color), node)
         if (
             callable(system.mode) or system.mode == name
         ):  # where a run begins; an open dot where the start state decides
@@ -358,9 +363,9 @@ def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: lis
     axes.set(xlim=(whole.x0, whole.x1), ylim=(whole.y0, whole.y1))
 
 
-def _draw_arc(axes: Axes, arc: _Arc) -> None:
+def _draw_arc(axes: Axes, arc: _Arc) -> FancyArrowPatch:
     path = Path(arc.control, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
-    axes.add_patch(
+    return axes.add_patch(
         FancyArrowPatch(
             path=path,
             arrowstyle="-|>",
@@ -373,56 +378,86 @@ def _draw_arc(axes: Axes, arc: _Arc) -> None:
 
 
 class _Lit(View):
-    """The boxes and arrows alone, stretched over axes; the box of the present mode is filled."""
+    """The boxes and arrows alone, stretched over axes; the box of the present mode is filled.
+
+    Words keep their size in axes of any size, so the figure has all placed anew when that changes.
+    """
 
     ready = False
 
     def __init__(self, system: System, axes: Axes):
-        self.figure = axes.get_figure()
+        self.axes, self.figure, self.now = axes, axes.get_figure(), ""
         axes.set_axis_off()
-        keys = {name: k for k, name in enumerate(system.modes)}
-        nodes, x = [], 0.0
-        for name in keys:
-            words = _text(axes, textwrap.fill(name, 14), 10.5)
-            width = max(0.9, _size(words)[0] + 0.3)
-            nodes.append(_Node(width, 0.9, [words], x + width / 2))
-            x += width + 0.6
-        pairs = {
+        self.colors, self.arrows = mode_colors(system), []
+        self.boxes = {name: _box(axes, color) for name, color in self.colors.items()}
+        self.words = {name: _text(axes, name, 10.5) for name in self.colors}
+        self.artists = [*self.boxes.values(), *self.words.values()]
+        keys = {name: k for k, name in enumerate(self.colors)}
+        self.pairs = {
             (keys[source], keys[target])
             for tr in system.transitions
             for source in tr.sources
             for target in (tr.target, tr.zeno)
             if target is not None and target != source
         }
-        arcs = [_Arc(source, target, None) for source, target in sorted(pairs)]
+        when_resized(axes, self._fit)
+        self._fit(*axes.get_position().size * self.figure.get_size_inches())
+
+    def _fit(self, wide: float, high: float) -> None:
+        """Fits all into so many inches: words on as many lines, and gaps as small, as must be.
+
+        Where even this is too wide, only the name of the present mode is written.
+        """
+        for letters, gap in ((14, 0.6), (14, 0.12), (1, 0.12)):
+            for name, text in self.words.items():
+                text.set(text=textwrap.fill(name, letters, break_long_words=False), visible=True)
+            sizes = np.array([_size(text) for text in self.words.values()])
+            widths = np.maximum(sizes[:, 0] + 0.12, 1.5 * gap)
+            total = widths.sum() + gap * len(widths)
+            if total <= wide:
+                break
+        self.whole = total <= wide
+        if not self.whole:
+            widths[:] = total / len(widths) - gap
+            for name, text in self.words.items():
+                text.set_text(textwrap.fill(name, 14))
+        nodes = [
+            _Node(width, 0.9, [text], x - width / 2 - gap / 2)
+            for width, text, x in zip(
+                widths, self.words.values(), np.cumsum(widths + gap), strict=True
+            )
+        ]
+        arcs = [_Arc(source, target, None) for source, target in sorted(self.pairs)]
         _place_ends(nodes, arcs)
         _place_labels(nodes, arcs)
-        self.boxes = {}
-        for (name, color), node in zip(mode_colors(system).items(), nodes, strict=True):
-            node.texts[0].set_position((node.x, 0))
-            corner = node.x - node.width / 2, -node.height / 2
-            box = FancyBboxPatch(
-                corner,
-                node.width,
-                node.height,
-                boxstyle="round,pad=0,rounding_size=0.1",
-                ec=color,
-                lw=1.6,
-                zorder=3,
-            )
-            axes.add_patch(box)
-            self.boxes[name] = box, color
+        above = max([0.0, *(np.abs(arc.points[:, 1]).max() - 0.35 for arc in arcs)])
+        need = sizes[:, 1].max() + 0.08  # inches, once all is stretched to the height
+        for node in nodes:
+            node.height = max(0.9, 2 * above * need / max(high - need, 0.2 * high))
+        for arrow in self.arrows:
+            arrow.remove()
         for arc in arcs:
-            _draw_arc(axes, arc)
-        self.artists = [*(box for box, _ in self.boxes.values()), *(n.texts[0] for n in nodes)]
-        high = max([0.45, *(np.abs(arc.points[:, 1]).max() + 0.1 for arc in arcs)])
-        axes.set(xlim=(-0.1, x - 0.5), ylim=(-high, high))
+            _shape(nodes, arc, arc.height)
+        self.arrows = [_draw_arc(self.axes, arc) for arc in arcs]
+        for box, node in zip(self.boxes.values(), nodes, strict=True):
+            _fill(box, node)
+        for text in self.words.values():
+            text.set_bbox(None if self.whole else VEIL)
+            text.set_x(text.get_position()[0] if self.whole else total / 2)
+        tall = nodes[0].height / 2 + above
+        self.axes.set(xlim=(0, total), ylim=(-tall, tall))
+        self._light()
 
     def update(self, run: Any) -> None:
         self.at(run, run.t[0])
 
     def at(self, run: Any, t: float) -> None:
-        now = run.at(t)["mode"]
-        for name, (box, color) in self.boxes.items():
-            box.set(facecolor=tint(color, 0.75 if name == now else 0.06))
-            box.set_linewidth(3.0 if name == now else 1.2)
+        self.now = run.at(t)["mode"]
+        self._light()
+
+    def _light(self) -> None:
+        for name, box in self.boxes.items():
+            now = name == self.now
+            box.set_facecolor(tint(self.colors[name], 0.75 if now else 0.06))
+            box.set_linewidth(3.0 if now else 1.2)
+            self.words[name].set_visible(self.whole or now)

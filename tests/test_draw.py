@@ -28,6 +28,7 @@ from PIL import Image
 
 from labkit.draw import (
     COLORS,
+    Motion,
     Sketch,
     curves,
     direction_field,
@@ -41,7 +42,7 @@ from labkit.draw import (
     time_plot,
     trajectories,
 )
-from labkit.draw.figure import PNG_BYTES, label, style, symbol
+from labkit.draw.figure import PNG_BYTES, head, label, style, symbol
 from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
 from labkit.draw.private import Renderer, measure_as, reshape, tick_size
 from labkit.draw.sketch import CHARACTERISTICS
@@ -450,6 +451,30 @@ def test_limits_widen_when_data_leave_and_come_back(ball):
     assert view.relimited and (view.axes[0].get_xlim(), view.axes[0].get_ylim()) == first
 
 
+def test_a_small_curve_is_followed_and_a_constant_stays_at_home():
+    system = linear([[0, 1], [-1, 0]])
+
+    def shown(size):
+        view.update(simulate(system, 20.0, start={"x": size, "v": 0.0}))
+        low, high = view.axes[0].get_ylim()
+        moves.append(view.relimited)
+        return low, high
+
+    moves = []
+    view = time_plot(simulate(system, 20.0, start={"x": 1.0, "v": 0.0}), "x")
+    home = view.axes[0].get_ylim()
+    assert all(shown(size) == home for size in (0.6, 0.3, 1.0))  # one sees it shrink and grow
+    for size in (0.1, 0.01, 0.1):
+        low, high = shown(size)
+        assert 0.25 <= 2 * size / (high - low) <= 1, size  # a quarter of the axes at least
+    assert shown(1.0) == home
+    assert shown(1e-9) == home  # rounding is no curve
+    moves.clear()
+    for size in np.geomspace(1.0, 0.01, 100):  # a drag, a hundred pictures
+        shown(size)
+    assert sum(moves) <= 6
+
+
 def test_a_users_zoom_is_left_alone(ball):
     view = time_plot(simulate(ball, 3.0, **PLAIN), "y")
     view.axes[0].set_ylim(4, 5)
@@ -759,8 +784,8 @@ def test_direction_field_points_along_the_flow_on_paper():
     strokes = segments(layer.lines[0])
     assert len(strokes) >= 2 * 15 * 5
     lengths = []
-    for (tail, tip), head in zip(strokes[::2], strokes[1::2], strict=True):
-        np.testing.assert_array_equal(head[1], tip)
+    for (tail, tip), barbs in zip(strokes[::2], strokes[1::2], strict=True):
+        np.testing.assert_array_equal(barbs[1], tip)
         x, v = (tail + tip) / 2
         flow, way = np.array([v / 4, -x / 400]), (tip - tail) / [4, 400]
         assert np.cross(np.append(flow, 0), np.append(way, 0))[2] == pytest.approx(
@@ -1196,6 +1221,128 @@ def test_a_title_gives_way_to_an_authors_legend():
         box = heading(axes).get_window_extent(renderer)
         assert not box.overlaps(axes.get_legend().get_window_extent(renderer)), width
         assert axes.lifted if width < 4 else not axes.lifted
+
+
+LARGE = 20 / (9.5 * 96 / 72)  # a classroom: the smallest letters, 9.5 points, 20 pixels high
+
+
+def crowd(fig, count):
+    """Curves with a legend of so many entries over the first axes, labels on all."""
+    for axes in fig.axes:
+        axes.plot([0, 100], [0, 1])
+        axes.set(xlabel="$t$ [s]", ylabel="$x$ [m]")
+    lines = [(fig.axes[0].plot([0, 100], [0, k])[0], f"long name {k}") for k in range(count)]
+    head(fig.axes[0], "the title of it", lines)
+
+
+@pytest.mark.parametrize("columns, count", [(1, 2), (1, 7), (2, 3)])
+def test_in_a_classroom_a_legend_leaves_the_axes_their_height(columns, count):
+    """A panel 864 pixels wide on a page of 1280 × 720: 750 × 420 pixels, type twice as large."""
+    fig = figure(1, columns, width=9.0, height=5.0)
+    crowd(fig, count)
+    fig.png()
+    fig.set_size_inches(750 / 96 / LARGE, 420 / 96 / LARGE)
+    fig.png()
+    assert all(axes.get_position().height > 0.6 for axes in fig.axes)
+    box = fig.axes[0].get_legend().get_window_extent()
+    assert box.x1 <= fig.bbox.x1 and box.y0 >= 0
+    assert not any(box.overlaps(axes.bbox.padded(-2)) for axes in fig.axes)
+    widths = [axes.get_position().width for axes in fig.axes]
+    assert max(widths) < 1.1 * min(widths)  # over its neighbour a legend takes no room from it
+
+
+def test_a_long_name_in_a_legend_stays_off_its_neighbours():
+    fig = figure(1, 2, width=5.0, height=3.0)
+    long = "the current reaches zero in each period"
+    for axes in fig.axes:
+        head(axes, "", [(axes.plot([0, 1], label="_")[0], long)])
+    fig.png()
+    one, other = (axes.get_legend().get_window_extent() for axes in fig.axes)
+    assert not one.overlaps(other) and other.x1 <= fig.bbox.x1
+    assert f"curves {long}" in fig.alt
+
+
+def test_words_stay_in_a_small_picture_and_apart():
+    """Four axes on a telephone: titles and labels break, and low axes share the numbers below."""
+    fig = figure(2, 2, width=9.0, height=5.0)
+    for axes in fig.axes:
+        axes.plot([0, 100], [0, 1])
+        axes.set_title("distance of the second body")
+        axes.set(xlabel="time since the first blow [ms]", ylabel="speed of the body [m/s]")
+    fig.png()
+    before = [axes.get_title("left") for axes in fig.axes]
+    for side in (400, 900, 400):
+        scale = min(1.0, 0.85 / (side / 864))
+        fig.set_size_inches(9.0 / max(1 / scale, 1.6 if side == 400 else 1.0), 5.0 / 1.6)
+        fig.png()
+        boxes = []
+        for axes in fig.axes:
+            words = [heading(axes), axes.yaxis.label, axes.xaxis.label]
+            boxes += [w.get_window_extent() for w in words if w.get_visible()]
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k]), side
+        for box in boxes:
+            assert box.x0 > -1 and box.y0 > -1 and box.x1 < fig.bbox.x1 + 1, side
+    fig.set_size_inches(9.0, 5.0)
+    fig.png()
+    assert [axes.get_title("left") for axes in fig.axes] == before
+    assert all(axes.xaxis.label.get_visible() for axes in fig.axes)
+
+
+def test_a_label_without_numbers_is_left_to_the_axes_below():
+    fig = figure(2, 1, sharex=True)
+    for axes in fig.axes:
+        axes.plot([0, 1], [0, 1])
+        over_time(axes, "$t$", "s")
+    fig.png()
+    assert [axes.xaxis.label.get_visible() for axes in fig.axes] == [False, True]
+
+
+def test_a_phase_portraits_legend_stays_beside_it(block):
+    view = phase_portrait(simulate(block, 12.0, **PLAIN))
+    view.figure.png()
+    view.figure.png()
+    legend = view.axes.get_legend()
+    assert legend.get_window_extent().x0 >= view.axes.bbox.x1
+    view.figure.set_size_inches(4.0, 3.0)
+    view.figure.png()
+    assert view.axes.get_legend().get_window_extent().y0 >= view.axes.bbox.y1 - 1
+
+
+def test_words_of_a_sketch_give_way_to_each_other():
+    """In large type a sketch is smaller, and its words would lie over each other."""
+    fig = figure(1, 2, width=9.0, height=4.0)
+
+    def two(sketch, s):
+        sketch.text((2, 1.0), "force kept")
+        sketch.text((2, 0.7), "torque kept")
+
+    moving = Motion(fig.axes[0], two, 4, 2)
+    moving.update(simulate(linear([[0, 1], [-1, 0]]), 1.0, **PLAIN))
+    for scale in (1.0, 2.4, 1.0):
+        fig.set_size_inches(9.0 / scale, 4.0 / scale)
+        fig.png()
+        one, other = moving.pieces.all
+        assert not one.get_window_extent().overlaps(other.get_window_extent()), scale
+        assert (one.get_fontsize() == 12.0) == (scale == 1.0)
+
+
+def test_between_powers_of_ten_numbers_have_room():
+    fig = figure(width=4.0, height=2.0)
+    axes = fig.axes[0]
+    axes.set_xscale("log")
+    for low, high, shown in (
+        (0.018, 0.43, {"2·10-2", "5·10-2", "2·10-1"}),
+        (3.2, 7.9, {f"{k}·100" for k in (4, 5, 6, 7)}),
+        (1.0, 1e3, set()),
+    ):
+        axes.set_xlim(low, high)
+        fig.png()
+        ticks = [t for t in axes.xaxis.get_minorticklabels() if t.get_text()]
+        ticks = [t for t in ticks if axes.bbox.x0 <= t.get_window_extent().x1 <= axes.bbox.x1 + 30]
+        inside = [t for t in ticks if low <= t.get_position()[0] <= high]
+        assert {plain(t.get_text()).replace("×", "·") for t in inside} == shown
+        boxes = [t.get_window_extent() for t in inside]
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
 
 
 def test_the_legend_has_the_colours_of_the_bands_and_of_the_strip(block):

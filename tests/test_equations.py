@@ -623,6 +623,15 @@ def test_labels_of_a_mode_diagram_never_overlap(data, n):
         assert label in words
 
 
+def test_a_condition_in_a_mode_diagram_is_large_enough_to_read():
+    """Bars of Matplotlib's \\left| shrink to dots, and its fractions are of half the size."""
+    guard = Transition("a", None, lambda t, s, p: abs(s.x) - s.x / p.k, direction=1)
+    modes = [Mode("a", lambda t, s, p: (1.0,))]
+    system = System("far", {"x": ""}, {"k": 1.0}, modes, [guard], start={"x": 0.0})
+    (condition,) = (t.get_text() for t in mode_diagram(system).axes[0].texts if "$" in t.get_text())
+    assert "left" not in condition and "dfrac" in condition
+
+
 def test_mode_diagram_shows_conditions_and_is_the_same_every_time():
     fig = mode_diagram(friction())
     texts = [text.get_text() for text in check_labels(fig)]

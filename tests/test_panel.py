@@ -17,6 +17,7 @@ from labkit import (
     Motion,
     Parameter,
     System,
+    Transition,
     explore,
     figure,
     load_npz,
@@ -581,13 +582,42 @@ def test_the_mode_of_the_instant_is_lit():
     lit = hands.panel.view.views[1]
 
     def filled():
-        return [name for name, (box, _) in lit.boxes.items() if box.get_linewidth() > 2]
+        return [name for name, box in lit.boxes.items() if box.get_linewidth() > 2]
 
     assert hands.panel.spec["moves"] and filled() == ["stick"]
     for t in (1.0, 2.0, 5.5):
         hands.tell(kind="cursor", t=t)
         assert filled() == [hands.panel.run.at(t)["mode"]]
     assert {hands.panel.run.at(t)["mode"] for t in (1.0, 2.0)} == {"stick", "slip"}
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+@pytest.mark.parametrize("on", [False, True])
+def test_a_modes_name_stays_in_its_box_or_is_alone(scale, on):
+    """On a narrow page and in a classroom letters are large, and the axes of a diagram small."""
+    names = ["first gear", "second gear", "third gear", "fourth gear"]
+    pairs = zip(names, names[1:], strict=False)
+    ups = [Transition(a, b, lambda t, s, p: s.x - 9.0, direction=1, label=b) for a, b in pairs]
+    modes = [Mode(name, lambda t, s, p: (1.0,)) for name in names]
+    system = System("gears", {"x": "m"}, {}, modes, ups, start={"x": 0.0})
+
+    def draw(run):
+        fig = figure(2, 2)
+        diagram = mode_diagram(run.system, axes=fig.axes[1])
+        return [time_plot(run, "x", axes=fig.axes[0]), diagram]
+
+    hands = Browser(explore(system, 1.0, draw))
+    lit = hands.panel.view.views[1]
+    hands.tell(kind="large", on=on, scale=scale)
+    hands.tell(kind="ready", scale=scale)
+    shown = [name for name in names if lit.words[name].get_visible()]
+    assert shown == (names if (scale, on) == (1.0, False) else ["first gear"])
+    for name in shown if shown == names else []:
+        word = lit.words[name].get_window_extent()
+        box = lit.boxes[name].get_window_extent()
+        assert box.x0 < word.x0 and word.x1 < box.x1 and box.y0 < word.y0 and word.y1 < box.y1
+    hands.tell(kind="large", on=False, scale=1.0)
+    assert all(word.get_visible() for word in lit.words.values())
 
 
 def test_the_cursor_tells_values_at_an_instant_in_all_axes(hands):

@@ -19,7 +19,7 @@ from matplotlib.text import Text
 
 from ..model import ModelError, listed, unambiguous
 from ..run import Run
-from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, style, symbol
+from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, style, symbol, when_resized
 from .private import closed, reshape
 from .ticks import over_time
 from .time import _sample, _segments
@@ -269,7 +269,10 @@ class Curves(View):
                 base = {"x": 0.02, "y": 0.97, "va": "top", "fontsize": 10.0, "zorder": 6}
                 given = {"bbox": VEIL, **base, **(look if isinstance(look, Mapping) else {})}
                 x, y = given.pop("x"), given.pop("y")
-                return self.axes.text(x, y, "", transform=self.axes.transAxes, **given)
+                made = self.axes.text(x, y, "", transform=self.axes.transAxes, **given)
+                made.set_in_layout(False)
+                when_resized(self.axes, self._fit_words)
+                return made
             filled = look == "fill"
             if filled or (isinstance(value, tuple) and len(value) == 3):
                 given = {"facecolor": color, "alpha": 0.18, "linewidth": 0, "zorder": 1.1}
@@ -305,6 +308,7 @@ class Curves(View):
             words = "" if value is None else str(value)
             if words != artist.get_text():
                 artist.set_text(words)
+                self._fit_words()
             return [], []
         if value is None:
             if isinstance(artist, Line2D):
@@ -346,6 +350,16 @@ class Curves(View):
             return ([], [at]) if x is None else ([at], [])
         artist.set_data(x, y)
         return [x], [y]
+
+    def _fit_words(self, *_: float) -> None:
+        """Words too long for the picture, in large type, become smaller."""
+        for text in self.drawn.values():
+            if isinstance(text, Text) and text.get_text():
+                text.set_fontsize(given := vars(text).setdefault("given", text.get_fontsize()))
+                box, page = text.get_window_extent(), self.figure.bbox
+                right = max(box.x1 - page.x1, page.x0 - box.x0) / box.width
+                up = 2 * max(box.y1 - page.y1, page.y0 - box.y0) / box.height
+                text.set_fontsize(given * (1 - min(max(right, up, 0.0), 0.7)))
 
     def _fill(
         self,

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +27,16 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.font_manager import FontProperties
+from matplotlib.legend import Legend
+from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
 from ..model import ModelError, System
 from ..run import _write
 from ..show import latex_name
 from .private import Canvas, size_of_words
-from .ticks import Numbers, Spaced
-from .words import described
+from .ticks import Between, Numbers, Spaced
+from .words import MODE, described
 
 __all__ = [
     "COLORS",
@@ -41,9 +45,11 @@ __all__ = [
     "STYLE",
     "figure",
     "label",
+    "on_lines",
     "mode_colors",
     "symbol",
     "tint",
+    "when_resized",
 ]
 
 #: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all
@@ -56,7 +62,10 @@ DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (5, 1.6, 1.2, 1.6)), (0, (1.4, 
 #: How strongly the backgrounds of the modes are tinted, in order: in grey print, too, one sees
 #: where a mode ends.
 BANDS = (0.11, 0.23, 0.16, 0.31)
-INK, FAINT, GRID = "#222222", "#8A8A8A", "#E3E3E3"
+ROW = 0.2  # inches that a row of a legend is high
+LOW = 0.14  # the part of a picture's height from which on a legend stands beside the axes,
+MOST = 0.16  # and, where it has no room there, is without the modes
+INK, GREY, FAINT, GRID = "#222222", "#666666", "#8A8A8A", "#E3E3E3"
 
 CSS_DPI = 96  # an inch on the page
 PNG_DPI = (
@@ -130,15 +139,96 @@ HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
 class HouseAxes(Axes):
     """Axes whose later titles and legends have the house style too, and ticks that have room."""
 
-    #: title and entries of the legend as `head` has set them, and the room that there was for them
-    headed: tuple[str, list[tuple[Artist, str]]] | None = None
-    roomed = 0.0
+    #: title and entries of the legend as `head` has set them, and the inches that there were
+    headed: tuple[str, list[tuple[Artist, str]], bool] | None = None
+    roomed = (0.0, 0.0, 0.0)
+    crown = (0.0, 0.0)  # how far the head reaches to the right of the axes, and above them
     lifted = 0  # by how many points a title stands higher, for a legend below it
+    fitted = (0.0, 0.0, 0.0, 0.0)  # where it was, in inches, at the last call of `when_resized`
+    bare = False  # the numbers along x stand at axes below alone
 
     def __init__(self, *arguments: Any, **options: Any):
         super().__init__(*arguments, **options)
         self._space("x")
         self._space("y")
+
+    def tidy(self) -> bool:
+        """Fits what has a size into axes that have another now; True where that moves axes."""
+        room, moved = _room(self), False
+        if self.headed is not None:
+            near = zip(room, self.roomed, strict=True)
+            if not all(0.96 < now / then < 1.18 for now, then in near if now + then):
+                head(self, *self.headed)
+                moved = True
+        elif title := self.get_title("left"):
+            shown = on_lines(self, title, self.title.get_fontsize(), room[1])
+            moved = shown != title
+            if self.get_legend() is not None:
+                moved |= self._lift(shown)
+            elif moved:
+                self.set_title(shown, loc="left")
+        moved |= self._break_labels() | self._spare_numbers()
+        size = self.get_figure().get_size_inches()
+        place = tuple(self.get_position().extents * np.tile(size, 2))
+        if max(map(abs, np.subtract(place, self.fitted))) > 0.02:
+            self.fitted = place
+            for fit in vars(self).get("resized", ()):
+                fit(*(self.get_position().size * size))
+        return moved
+
+    def _break_labels(self) -> bool:
+        """Labels longer than there is room up to the edge of the figure, or to the next axes."""
+        moved, size = False, self.get_figure().get_size_inches()
+        place = self.get_position()
+        others = [ax.get_position() for ax in self.get_figure().axes if ax is not self]
+        for axis, k in ((self.xaxis, 0), (self.yaxis, 1)):
+            middle = (place.min[k] + place.max[k]) / 2
+            beside = [o for o in others if abs(o.min[1 - k] - place.min[1 - k]) < 0.02]
+            rooms = [abs((o.min[k] + o.max[k]) / 2 - middle) for o in beside]
+            room = min([2 * middle, 2 - 2 * middle, *filter(None, rooms)]) * size[k]
+            words, label = axis.get_label_text(), axis.label
+            if words and (shown := on_lines(self, words, label.get_fontsize(), room)) != words:
+                label.set_text(shown)
+                moved = True
+        return moved
+
+    def _spare_numbers(self) -> bool:
+        """Over axes of the same limits, low axes have no numbers along x, and no label without."""
+        figure, place = self.get_figure(), self.get_position()
+        below = [
+            other
+            for other in figure.axes
+            if other.axison
+            and other.get_position().y1 < place.y0
+            and np.allclose(other.get_position().intervalx, place.intervalx, atol=0.01)
+            and other.get_xlim() == self.get_xlim()
+            and other.get_xscale() == self.get_xscale()
+            and self.get_xlabel() in ("", other.get_xlabel())
+        ]
+        numbers = self.bare or self.xaxis.get_tick_params().get("labelbottom", True)
+        low = place.height * figure.get_figheight() < (1.2 if self.bare else 0.8)
+        bare, label = bool(below and low and numbers), self.xaxis.label
+        named = not below or (numbers and not bare)
+        if moved := (bare, named) != (self.bare, label.get_visible()):
+            self.bare = bare
+            label.set_visible(named)
+            if numbers:
+                self.tick_params(labelbottom=not bare)
+        return moved
+
+    def _lift(self, words: str) -> bool:
+        """Puts a title above a legend that an author has put where the title would be."""
+        box, dpi = self.get_legend().get_window_extent(), self.get_figure().dpi
+        size = self.title.get_fontsize()
+        over = (box.y1 - self.bbox.y1) * 72 / dpi
+        wide = 72 * max(_inches(line, size) for line in words.split("\n"))
+        meet = over > 6 and (box.x0 - self.bbox.x0) * 72 / dpi < wide + size
+        lift = round(over) if meet else 0
+        if (lift, words) == (self.lifted, self.get_title("left")):
+            return False
+        self.lifted = lift
+        self.set_title(words, loc="left", pad=over + 4 if lift else 6)
+        return True
 
     def _space(self, which: str) -> None:
         if getattr(self, f"get_{which}scale")() == "linear":
@@ -146,6 +236,8 @@ class HouseAxes(Axes):
             axis.set_major_formatter(Numbers())
             if which == "x":
                 axis.set_major_locator(Spaced())
+        elif getattr(self, f"get_{which}scale")() == "log":
+            getattr(self, f"{which}axis").set_minor_formatter(Between())
 
     def set_xscale(self, *arguments: Any, **options: Any) -> None:
         super().set_xscale(*arguments, **options)
@@ -180,33 +272,23 @@ class Figure(matplotlib.figure.Figure):
         return None if self.frozen else super().get_layout_engine()
 
     def draw(self, renderer: Any) -> None:
-        self.tidy()
-        super().draw(renderer)
+        self.arrange()
+        before, self.frozen = self.frozen, True
+        try:
+            super().draw(renderer)
+        finally:
+            self.frozen = before
 
-    def tidy(self) -> None:
-        """Sets titles and legends anew in axes that have become narrower or wider by a quarter."""
-        for axes in self.axes:
-            if (headed := getattr(axes, "headed", None)) is not None:
-                wide = axes.get_position().width * self.get_figwidth()
-                if not 0.85 < wide / axes.roomed < 1.25:
-                    head(axes, *headed)
-            elif axes.get_legend() is not None and axes.get_title("left"):
-                self._lift(axes)
+    def arrange(self) -> None:
+        """Lays the axes out, and what depends on their sizes: legends, titles, mode diagrams.
 
-    def _lift(self, axes: Axes) -> None:
-        """Puts a title above a legend that an author has put where the title would be."""
-        renderer, words = self.canvas.get_renderer(), axes.get_title("left")
-        box = axes.get_legend().get_window_extent(renderer)
-        size = axes.title.get_fontsize()
-        over = (box.y1 - axes.bbox.y1) * 72 / self.dpi
-        wide = 72 * _inches(words, size)
-        if over > 6 and (box.x0 - axes.bbox.x0) * 72 / self.dpi < wide + size:
-            if getattr(axes, "lifted", 0) != round(over):
-                axes.lifted = round(over)
-                axes.set_title(words, loc="left", pad=over + 4)
-        elif getattr(axes, "lifted", 0):
-            axes.lifted = 0
-            axes.set_title(words, loc="left", pad=6)
+        Three times are enough: each takes the axes from where the one before has put them.
+        """
+        for _ in range(0 if self.frozen else 3):
+            if self.axes and (engine := self.get_layout_engine()) is not None:
+                engine.execute(self)
+            if not any([axes.tidy() for axes in self.axes if isinstance(axes, HouseAxes)]):
+                break
 
     def add_subplot(self, *arguments: Any, **options: Any) -> Axes:
         """fig.add_subplot(projection="polar"): as Matplotlib's, in the house style."""
@@ -224,12 +306,8 @@ class Figure(matplotlib.figure.Figure):
         with style():
             try:
                 self.dpi = dpi
-                self.tidy()
-                if self.axes and engine is not None and not self.frozen:
-                    engine.execute(self)
-                self.frozen = (
-                    True  # it is laid out now: savefig would draw everything twice for that
-                )
+                self.arrange()
+                self.frozen = True  # savefig would draw everything twice to lay it out
                 self.savefig(
                     buffer, format="rgba", dpi=dpi
                 )  # the saving path: it draws animated artists as well
@@ -418,37 +496,118 @@ def label(system: System, *names: str) -> str:
     )
 
 
-def head(axes: Axes, title: str, entries: Sequence[tuple[Artist, str]]) -> None:
+def head(
+    axes: Axes, title: str, entries: Sequence[tuple[Artist, str]], aside: bool = False
+) -> None:
     """head(axes, "ball", [(line, "$y$")]): a title and, above the axes, a legend.
 
-    So it never hides a curve. Side by side where both fit into the width of the axes, else the
-    title stands above the legend; a figure that has become narrower sets them anew.
+    So it never hides a curve. Side by side where both fit into the width of the axes; else the
+    title stands above the legend, which may run on over what is to the right of the axes. Where
+    this would take too much of the height (large type, many entries), or where wide axes ask for it
+    (`aside`), the legend stands beside the axes; without room there, it does without the modes. A
+    figure of another size sets both anew.
     """
-    wide = axes.get_position().width * axes.get_figure().get_figwidth()
-    room = 1.15 * wide if getattr(axes, "headed", None) is None else wide
-    axes.headed, axes.roomed = (title, list(entries)), wide  # the layout widens the axes at first
-    widths = [_inches(text, STYLE["legend.fontsize"]) + 0.5 for _, text in entries]
-    across = 0.0 if not widths else max(widths)
-    columns = max(1, min(len(entries), int(room / across) if across else 1))
-    rows = -(-len(entries) // columns)
+    wide, reach, tall = axes.roomed = _room(axes)
+    if getattr(axes, "headed", None) is None:
+        wide = reach = 1.15 * wide  # the layout widens the axes at first
+    axes.headed = title, list(entries), aside
+    high = axes.get_figure().get_figheight()
+    size, count = STYLE["legend.fontsize"], len(entries)
+    room = reach - 3.1 * size / 72
+    entries = [(artist, on_lines(axes, text, size, room)) for artist, text in entries]
+
+    def needed(columns: int, handle: float) -> float:
+        words = [max(_inches(line, size) for line in text.split("\n")) for _, text in entries]
+        parts = np.array_split(words, columns)  # as a legend fills them
+        return sum(part.max() + (handle + 1.9) * size / 72 for part in parts)
+
+    while True:
+        fitting = [
+            (-(-count // columns), -handle, columns)
+            for handle in (2.0, 1.2)
+            for columns in range(1, count + 1)
+            if columns == 1 or needed(columns, handle) < reach
+        ]
+        rows, handle, columns = min(fitting, default=(0, -2.0, 1))
+        full = LOW * high < rows * ROW and count * ROW <= tall and needed(1, 1.2) < 0.4 * wide
+        least = [entry for entry in entries if entry[0].get_gid() != MODE]
+        if full or rows * ROW < MOST * high or len(least) == count:
+            break
+        entries, count = least, len(least)
+    title = on_lines(axes, title, STYLE["axes.titlesize"], reach)
+    over = (_inches(title.split("\n")[0], STYLE["axes.titlesize"]) + 0.2) if title else 0.0
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
+    beyond = 0.0
+    if entries and (full or (aside and wide > 4.5)):
+        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        rows, columns, handle = 0, 1, -1.2 if full else -2.0
+        beyond = needed(1, -handle)
+    elif entries and "\n" not in title and over + needed(count, 2.0) < wide:
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+        rows, handle, columns, over = 1, -2.0, count, 0.0
+    elif entries and title and "\n" not in title and over + needed(count, 1.2) < reach:
+        right = ScaledTranslation(over, 0, axes.get_figure().dpi_scale_trans)
+        place["bbox_transform"] = axes.transAxes + right
+        rows, handle, columns, over = 1, -1.2, count, 0.0
+    rows += max((text.count("\n") for _, text in entries), default=0) if rows else 0
+    axes.crown = beyond, ROW * (rows + bool(over) + title.count("\n"))
     with style():
-        beside = _inches(title, STYLE["axes.titlesize"]) + 0.2 + sum(widths) < room
-        axes.set_title(
-            title,
-            loc="left",
-            pad=6 if beside or not title or not entries else 8 + 15 * rows,
-        )
+        axes.set_title(title, loc="left", pad=8 + 72 * ROW * rows if over and rows else 6)
         if legend := axes.get_legend():
             legend.remove()
         if entries:
-            axes.legend(
+            legend = axes.legend(
                 *zip(*entries, strict=True),
-                loc="lower right" if beside else "lower left",
-                bbox_to_anchor=(1.0, 1.0) if beside else (0.0, 1.0),
-                ncols=len(entries) if beside else columns,
+                **place,
+                ncols=columns,
+                handlelength=-handle,
                 borderaxespad=0.2,
                 borderpad=0.2,
             )
+            if not beyond:  # the layout leaves it its height, and no width
+                legend.get_tightbbox = partial(_upright, legend)
+
+
+def _upright(legend: Legend, renderer: Any = None) -> Bbox:
+    """The box of a legend, no wider than its axes."""
+    box, axes = legend.get_window_extent(renderer), legend.axes.bbox
+    return Bbox.from_extents(max(box.x0, axes.x0), box.y0, min(box.x1, axes.x1), box.y1)
+
+
+def _room(axes: Axes) -> tuple[float, float, float]:
+    """Inches for a head: width, as far as it may run on to the right, height with the head."""
+    figure = axes.get_figure()
+    scale = np.tile(figure.get_size_inches(), 2)
+    x0, y0, x1, y1 = axes.get_position().extents * scale
+    beyond, high = getattr(axes, "crown", (0.0, 0.0))
+    reach = scale[0] - x0
+    for other in figure.axes:
+        left, low, _, top = other.get_position().extents * scale
+        headed = other.get_title("left") or other.get_title() or other.get_legend()
+        if left > x1 and low < y1 + 0.3 and (top > y1 + 0.1 or (top > y1 - 0.1 and headed)):
+            reach = min(reach, left - x0 - 0.1)
+    return x1 - x0 + beyond, max(reach, x1 - x0), y1 - y0 + high
+
+
+def when_resized(axes: Axes, fit: Callable[[float, float], None]) -> None:
+    """when_resized(axes, fit): calls fit(width, height), in inches, once the axes are elsewhere.
+
+    It may move what is in the axes, not the axes.
+    """
+    vars(axes).setdefault("resized", []).append(fit)
+
+
+def on_lines(axes: Axes, words: str, size: float, room: float) -> str:
+    """on_lines(axes, "a long title", 11, 1.5): the words, on two lines if they need them."""
+    whole = vars(axes).setdefault("whole", {})  # words on lines -> as they were given
+    words = whole.get(words, words)
+    parts = re.findall(r"(?:\$[^$]*\$|\S)+", words)
+    if "\n" in words or len(parts) < 2 or _inches(words, size) <= room:
+        return words
+    pairs = [(" ".join(parts[:k]), " ".join(parts[k:])) for k in range(1, len(parts))]
+    shown = "\n".join(min(pairs, key=lambda pair: max(_inches(line, size) for line in pair)))
+    whole[shown] = words
+    return shown
 
 
 def _inches(words: str, size: float) -> float:

@@ -25,6 +25,7 @@ from .private import reshape
 from .ticks import said
 from .time import _jumps, _sample, _segments
 from .view import View
+from .words import MODE
 
 __all__ = [
     "DirectionField",
@@ -261,8 +262,7 @@ class Equilibria(Layer):
         self.redo()
 
     def redo(self) -> None:
-        (x0, x1), (y0, y1) = limits = self.limits
-        self.found = find_equilibria(self.plane, limits)
+        self.found = find_equilibria(self.plane, self.limits)
         for kind, mark in self.marks.items():
             mine = [
                 (x, y)
@@ -270,20 +270,28 @@ class Equilibria(Layer):
                 if kind == next(k for k in self.marks if word.startswith(k))
             ]
             mark.set_data([x for x, _ in mine], [y for _, y in mine])
+        self.name()
+
+    def name(self) -> None:
+        """Puts the words where they have room in axes of this size; too narrow, there are none."""
+        (x0, x1), (y0, y1) = self.limits
+        wide = self.axes.bbox.width / self.figure.dpi
         taken: list[tuple[float, float, float, float]] = []
         for k, (text, (x, y, _, kind)) in enumerate(zip(self.words, self.found, strict=False)):
             place = f"({said(x)}, {said(y)})"
-            words = (
-                f"{kind}\n{place}" if len(self.found) <= 3 else kind.replace(" ", "\n", 1)
-            )  # short where the marks stand close
+            words = f"{kind}\n{place}"
+            if len(self.found) > 3 or 0.075 * len(kind) > 0.6 * wide:  # the marks stand close
+                words = kind.replace(" ", "\n", 1)
             side, up = self._free_corner(
                 (x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken
             )
-            new = words, x, y, side, up
+            across = max(x - x0, x1 - x) / (x1 - x0) * wide
+            fits = 0.075 * max(map(len, words.split("\n"))) < across + 0.2
+            new = words, x, y, side, up, fits
             if self._said.get(k) != new:  # else a picture need not be sent words that it has
                 text.set(
                     text=words,
-                    visible=True,
+                    visible=fits,
                     ha="left" if side > 0 else "right",
                     va="bottom" if up > 0 else "top",
                 )
@@ -436,6 +444,8 @@ class GuardLines(Layer):
         steep = np.ptp(curve[:, 1]) > np.ptp(curve[:, 0])
         dpi, box = self.figure.dpi, self.axes.bbox
         w, h = 0.068 * len(name) * dpi / box.width, 0.17 * dpi / box.height
+        if w > 0.6:  # in small axes a name would say less than it hides
+            return text.set_visible(False)
         dx, dy = 0.07 * dpi / box.width, 0.06 * dpi / box.height
         order = np.argsort(-curve[:, 1 if steep else 0], kind="stable")
         best: tuple[float, Any] = (np.inf, None)
@@ -635,7 +645,7 @@ class Trajectories(Layer):
         looks = zip(self.colors.items(), self.dashes, strict=True)
         return (
             [
-                (Line2D([], [], color=color, linewidth=1.8, linestyle=dash), mode)
+                (Line2D([], [], color=color, linewidth=1.8, linestyle=dash, gid=MODE), mode)
                 for (mode, color), dash in looks
             ]
             if len(self.colors) > 1

@@ -65,55 +65,43 @@ def picture(
     )
     lost = np.moveaxis(m.failed, [names.index(n) for n in order], range(len(names)))
     label = label or what or next(iter(m.results)) or m.name
-    if axes is not None and len(order) == 3 and not curves:
-        raise ModelError("three axes are maps side by side: they make a figure of their own")
-    given = None if axes is None else [axes]
     third = m.axes[order[2]] if len(order) == 3 else [None]
-    if curves:
-        drawn = given or list(figure(width=width or 8.5, height=height).axes)
-        fig = drawn[0].get_figure()
-        _curves(drawn[0], m, order, values, lost, label, title, log)
-    elif given:
-        fig = axes.get_figure()
-    else:
-        if len(third) > MAPS:
-            raise ModelError(
-                f"{len(third)} values of {order[2]!r} would be as many maps: at most {MAPS}, so "
-                f"name two other axes, m.picture({order[2]!r}, …)"
-            )
-        fig = figure(
-            1,
-            len(third),
-            width=width or (8.5 if len(third) == 1 else 4.2 * len(third)),
-            height=height,
-            sharey=True,
-            title=title if len(third) > 1 else "",
+    if axes is not None and len(order) == 3:
+        raise ModelError("three axes are maps side by side: they make a figure of their own")
+    if len(third) > MAPS:
+        raise ModelError(
+            f"{len(third)} values of {order[2]!r} would be as many maps: at most {MAPS}, so "
+            f"name two other axes, m.picture({order[2]!r}, …)"
         )
-    if not curves:
-        drawn = given or list(fig.axes)
-        kinds, lines = _kinds(values), None
+    many = len(third) > 1
+    drawn = (
+        [axes]
+        if axes is not None
+        else list(
+            figure(
+                1,
+                len(third),
+                width=width or (4.2 * len(third) if many else 8.5),
+                height=height,
+                sharey=True,
+                title=title if many else "",
+            ).axes
+        )
+    )
+    if curves:
+        _curves(drawn[0], m, order, values, lost, label, title, log)
+    else:
+        lines = values if contour is not None else None
         if isinstance(contour, str):
             lines = np.moveaxis(m[contour], [names.index(n) for n in order], range(len(names)))
         elif contour is not None:
-            lines, levels = values, contour
-        for k, (ax, each) in enumerate(zip(drawn, third, strict=True)):
-            part = (..., k) if len(order) == 3 else ...
-            shown = _map(ax, m, order, values[part], lost[part], kinds, values, log)
-            if lines is not None:
-                _contours(ax, m, order, lines[part], levels)
-            ax.set_title("" if each is None else _equal(m, order[2], each))
-            if kinds is None and k == len(third) - 1:
-                fig.colorbar(shown, ax=drawn, label=label)
-        entries = _entries(kinds, lost | _empty(values))
-        if len(drawn) == 1:
+            levels = contour
+        entries = _maps(drawn, m, order, third, values, lost, label, log, lines, levels)
+        if not many:
             head(drawn[0], title, entries)
         elif entries:
-            fig.legend(
-                *zip(*entries, strict=True),
-                loc="outside lower center",
-                ncols=len(entries),
-                frameon=False,
-            )
+            look = {"loc": "outside lower center", "ncols": len(entries), "frameon": False}
+            drawn[0].get_figure().legend(*zip(*entries, strict=True), **look)
     for ax in drawn:
         for name, scale in zip(
             order[: 1 if curves else 2], (ax.set_xscale, ax.set_yscale), strict=False
@@ -121,7 +109,21 @@ def picture(
             if name in log:
                 scale("log")
         _ticks(ax, m, order, log, curves)
-    return fig
+    return drawn[0].get_figure()
+
+
+def _maps(drawn, m, order, third, values, lost, label, log, lines, levels):  # type: ignore[no-untyped-def]
+    """A map in each axes, of a third axis one for each value; what a legend of them says."""
+    kinds = _kinds(values)
+    for k, (ax, each) in enumerate(zip(drawn, third, strict=True)):
+        part = (..., k) if len(order) == 3 else ...
+        shown = _map(ax, m, order, values[part], lost[part], kinds, values, log)
+        if lines is not None:
+            _contours(ax, m, order, lines[part], levels)
+        ax.set_title("" if each is None else _equal(m, order[2], each))
+    if kinds is None:
+        drawn[0].get_figure().colorbar(shown, ax=drawn, label=label)
+    return _entries(kinds, lost | _empty(values))
 
 
 def _symbol(m: Sweep, name: str) -> str:

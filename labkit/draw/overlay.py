@@ -10,6 +10,7 @@ Handles to drag, a time cursor, a held run, trajectories that a click has starte
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -101,47 +102,17 @@ class Overlay(View):
             [Line2D([], [], **grey, linestyle=DASHES[k % 4]) for k, _ in enumerate(show.names)]
             for show in self.shows
         ]
-        self.lines = [
-            Line2D(
-                [],
-                [],
-                color=INK,
-                linewidth=0.9,
-                alpha=0.7,
-                zorder=8,
-                transform=show.axes.get_xaxis_transform(),
-            )
-            for show in self.shows
-        ]
-        self.dots = [
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                markersize=7,
-                color=COLORS[1],
-                markeredgecolor="white",
-                zorder=8.5,
-            )
-            for _ in self.shows
-        ]
-        self.curves = [
-            Line2D([], [], color=COLORS[2], linewidth=1.5, zorder=4.6) for _ in self.shows
-        ]
-        self.starts = [
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                markersize=5,
-                color=COLORS[2],
-                markerfacecolor="white",
-                zorder=4.7,
-            )
-            for _ in self.shows
-        ]
+        dots = {"linestyle": "none", "marker": "o"}
+        self.lines = self._each(color=INK, linewidth=0.9, alpha=0.7, zorder=8)
+        for show, line in zip(self.shows, self.lines, strict=True):
+            line.set_transform(show.axes.get_xaxis_transform())
+        self.dots = self._each(
+            **dots, markersize=7, color=COLORS[1], markeredgecolor="white", zorder=8.5
+        )
+        self.curves = self._each(color=COLORS[2], linewidth=1.5, zorder=4.6)
+        self.starts = self._each(
+            **dots, markersize=5, color=COLORS[2], markerfacecolor="white", zorder=4.7
+        )
         self.artists = []
         for show, *artists, ghosts in zip(
             self.shows, self.lines, self.dots, self.curves, self.starts, self.ghosts, strict=True
@@ -150,6 +121,9 @@ class Overlay(View):
                 artist.set_in_layout(False)
                 show.axes.add_artist(artist)
                 self.artists.append(artist)
+
+    def _each(self, **look: Any) -> list[Line2D]:
+        return [Line2D([], [], **look) for _ in self.shows]
 
     def update(self, run: Run) -> None:
         """Nothing: what stands here belongs to instants and to other runs."""

@@ -14,12 +14,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.text import Text
 from numpy.typing import ArrayLike
 
 from ..model import OPTIONS, ModelError, System, listed, unambiguous
 from ..run import Run
 from ..runs import Runs
-from .figure import FAINT, head, style
+from .figure import GREY, head, on_lines, style, when_resized
 from .layers import (
     DirectionField,
     Equilibria,
@@ -297,7 +298,7 @@ class PhasePortrait(View):
         self.title = self.plane.system.name if title is None else title
         self.shows = [Shows(axes, self.plane.x, (self.plane.y,))]
         self._windows = [
-            Window(self.axes, which, *pair, margin=0)
+            Window(self.axes, which, *pair, margin=0, near=False)  # the plane is more than the run
             for which, pair in zip("xy", self._limits(), strict=True)
         ]
         self.layers = self._build(kinds, runs, run)
@@ -309,6 +310,19 @@ class PhasePortrait(View):
         self._seen = self._state()
         self._name_guards()
         self._write()
+        when_resized(axes, self._fit)
+
+    def _fit(self, *_: float) -> None:
+        """Words find their places anew in axes of another size."""
+        for part in self.layers:
+            if isinstance(part, Equilibria):
+                part.name()
+        self._name_guards()
+        if self._noted is not None:
+            width, height = self.figure.get_size_inches()
+            reach = width * (1 - self.axes.get_position().x0)
+            said = (on_lines(self.axes, note, 8.5, reach) for note in self.notes)
+            self._noted.set_text("\n".join(said) if height > 2.6 else "")  # else height is dear
 
     def _name_guards(self) -> None:
         for part in self.layers:
@@ -325,7 +339,7 @@ class PhasePortrait(View):
             kind in kinds for kind in (DirectionField, Nullclines, Equilibria, GuardLines)
         )
         self.notes: list[str] = []
-        self._noted = False
+        self._noted: Text | None = None
         timed, flat = (
             plane.depends_on_time(limits, (self.beside.t_end or plane.t + 10.0) - plane.t),
             all(map(plane.is_plane, plane.modes)),
@@ -387,28 +401,19 @@ class PhasePortrait(View):
         entries = self._entries()
         self._named = list(entries)
         pairs = [(artist, text) for text, artist in entries.items()]
-        narrow = self.axes.get_position().width * self.figure.get_figwidth() < 4.5
-        head(self.axes, self.title, pairs if narrow else [])
+        head(self.axes, self.title, pairs, aside=True)
         with style():
-            if self.notes and not self._noted:
-                self._noted = True
-                self.axes.annotate(
+            if self.notes and self._noted is None:
+                self._noted = self.axes.annotate(
                     "\n".join(self.notes),
                     (0.0, 0.0),
                     xycoords="axes fraction",
                     xytext=(0, -34),
                     textcoords="offset points",
                     fontsize=8.5,
-                    color=FAINT,
+                    color=GREY,
                     va="top",
                 )
-            if not narrow:  # beside the picture: never over a curve
-                if legend := self.axes.get_legend():
-                    legend.remove()
-                if pairs:
-                    self.axes.legend(
-                        *zip(*pairs, strict=True), loc="upper left", bbox_to_anchor=(1.0, 1.0)
-                    )
 
     def _entries(self) -> dict[str, Artist]:
         """Name -> sample of what the layers show; of a name that two of them have, the last."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import cos, hypot, radians, sin
 from types import SimpleNamespace
 from typing import Any
@@ -669,7 +670,7 @@ class _Pieces(Artist):
 
     def __init__(self, axes: Axes):
         super().__init__()
-        self.host, self.all = axes, []
+        self.host, self.all, self.wide = axes, [], 0.0
         self.set_in_layout(False)
 
     def clear(self) -> None:
@@ -689,6 +690,23 @@ class _Pieces(Artist):
         return self.add_line(Text(x, y, s, **options))
 
     def draw(self, renderer: Any) -> None:
+        self._fit(renderer)
         for artist in sorted(self.all, key=lambda artist: artist.get_zorder()):
             artist.draw(renderer)
         self.stale = False
+
+    def _fit(self, renderer: Any) -> None:
+        """Where large type makes words meet: smaller, down to what they are to the sketch at first.
+
+        That is the type of the axes in which it was drawn first.
+        """
+        wide = self.host.bbox.width / self.host.get_figure().dpi
+        self.wide = self.wide or wide
+        words = [artist for artist in self.all if isinstance(artist, Text)]
+        sizes = [vars(word).setdefault("given", word.get_fontsize()) for word in words]
+        for scale in np.linspace(1.0, min(1.0, wide / self.wide), 5):
+            for word, size in zip(words, sizes, strict=True):
+                word.set_fontsize(size * scale)
+            boxes = [word.get_window_extent(renderer) for word in words]
+            if not any(a.overlaps(b) for a, b in combinations(boxes, 2)):
+                break

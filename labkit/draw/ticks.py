@@ -16,7 +16,7 @@ from matplotlib.ticker import AutoLocator, Formatter, ScalarFormatter
 
 from .private import tick_size
 
-__all__ = ["Numbers", "Seconds", "Spaced", "over_time", "said"]
+__all__ = ["Between", "Numbers", "Seconds", "Spaced", "over_time", "said"]
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Seconds: up to which end of the axis, its unit, and how many of it make a second
@@ -70,6 +70,20 @@ class Numbers(ScalarFormatter):
         return f"×10{power.replace('−', '-').translate(_RAISED)}" if power else sign
 
 
+class Between(Formatter):
+    """Between the powers of ten of a logarithmic axis: 2 and 5, up to two decades.
+
+    On an axis shorter than half a decade every digit. Matplotlib's 3 and 4 run together.
+    """
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        low, high = sorted(self.axis.get_view_interval())
+        power = int(np.floor(np.log10(x) + 1e-9))
+        digit = round(x / 10.0**power)
+        few = high < 3 * low or (high < 100 * low and digit in (2, 5))
+        return f"$\\mathdefault{{{digit}\\times10^{{{power}}}}}$" if few else ""
+
+
 class Seconds(Formatter):
     """Ticks in s, ms, µs or ns, as the end of the axis asks; the unit stands in the label."""
 
@@ -86,7 +100,7 @@ class Seconds(Formatter):
             if 0 < far <= end:
                 unit, self.factor = prefixed, factor
                 break
-        label, shown = f"{self.name} [{unit}]", self.named.get_label_text()
+        label, shown = f"{self.name} [{unit}]", " ".join(self.named.get_label_text().split())
         if label != shown == self.label:  # else an author has written another
             self.named.set_label_text(label)
             self.label = label

@@ -179,8 +179,9 @@ class Window:
         margin: float = 0.07,
         room: float = 0.2,
         log: bool = False,
+        near: bool = True,
     ):
-        self.axes, self.which, self.room, self.log = axes, which, room, log
+        self.axes, self.which, self.room, self.log, self.near = axes, which, room, log, near
         low, high = self._proper(low, high)
         self.first = (low - margin * (high - low), high + margin * (high - low))
         self._set(*self.first)
@@ -220,11 +221,7 @@ class Window:
             return False
         if self.log:
             low, high = map(float, np.log10((low, high)))
-        room = self.room * max(high - low, self.first[1] - self.first[0])
-        wanted = (
-            min(low - room, self.first[0]) if low < self.first[0] else self.first[0],
-            max(high + room, self.first[1]) if high > self.first[1] else self.first[1],
-        )
+        wanted = self._wanted(low, high)
         slack = 1e-9 * (self.now[1] - self.now[0])
         outside = low < self.now[0] - slack or high > self.now[1] + slack
         if (
@@ -234,6 +231,18 @@ class Window:
             self._set(*wanted)
             return True
         return False
+
+    def _wanted(self, low: float, high: float) -> tuple[float, float]:
+        """Limits for such data, whatever they are now."""
+        first = self.first[1] - self.first[0]
+        if self.near and first / 1000 < high - low < first / 4:
+            room = (high - low) / 2 if self.room else 0.0
+            return low - room, high + room
+        room = self.room * max(high - low, first)
+        return (
+            min(low - room, self.first[0]) if low < self.first[0] else self.first[0],
+            max(high + room, self.first[1]) if high > self.first[1] else self.first[1],
+        )
 
 
 def extent(*arrays: np.ndarray) -> tuple[float, float]:

@@ -63,7 +63,8 @@ def described(figure: Any) -> str:
 def _panel(axes: Axes) -> str:
     title = plain(axes.get_title("left") or axes.get_title())
     legend, headed = axes.get_legend(), getattr(axes, "headed", None)
-    entries = [text.get_text() for text in legend.get_texts()] if legend is not None else []
+    texts = legend.get_texts() if legend is not None else []
+    entries = [" ".join(text.get_text().split()) for text in texts]  # of one line or two
     samples = {name: sample for sample, name in headed[1]} if headed else {}
     of_mode = [name for name in entries if name in samples and samples[name].get_gid() == MODE]
     modes = [plain(name) for name in of_mode]
