@@ -148,7 +148,9 @@ function words({ name, index, meaning }) {
 }
 
 // ---- the picture: what Matplotlib drew, stroke by stroke
+// Ops learn their paths and bitmaps once: those of a recording come again as they are.
 function unpack(parts, buffers) {
+  const ops = [...new Set(Object.values(parts).flat())].filter((op) => !op.paths && !op.sheet);
   const [floats, bytes] = buffers.map(({ buffer, byteOffset, byteLength }) =>
     buffer.slice(byteOffset, byteOffset + byteLength));
   const [points, pixels] = [new Float32Array(floats), new Uint8Array(bytes)];
@@ -170,33 +172,43 @@ function unpack(parts, buffers) {
     }
     return made;
   };
-  const bitmap = ([, , w, h], op) => {
-    const image = new ImageData(w, h);
-    if (op.rgba) image.data.set(pixels.subarray(b, (b += 4 * w * h)));
-    else {
-      const ink = parseInt(op.fill.slice(5, 7) + op.fill.slice(3, 5) + op.fill.slice(1, 3), 16);
-      const words = new Uint32Array(image.data.buffer);
-      for (let k = 0; k < w * h; k++) words[k] = ink | (pixels[b++] << 24);
+  // All bitmaps of a message lie in one canvas, one below the other: making one takes long.
+  const images = ops.filter((op) => op.image);
+  const wide = Math.max(0, ...images.map(({ image }) => image[2]));
+  const tall = images.reduce((sum, { image }) => sum + image[3], 0);
+  const data = tall && new ImageData(wide, tall);
+  const words = tall && new Uint32Array(data.data.buffer);
+  const sheet = attributes(make("canvas"), { width: wide, height: tall });
+  let y = 0;
+  for (const op of images) {
+    const [, , w, h] = op.image;
+    const ink = op.rgba || parseInt(op.fill.slice(1, 7).match(/../g).reverse().join(""), 16);
+    for (let row = 0; row < h; row++) {
+      const at = (y + row) * wide;
+      if (op.rgba) data.data.set(pixels.subarray(b, (b += 4 * w)), 4 * at);
+      else for (let k = at; k < at + w; k++) words[k] = ink | (pixels[b++] << 24);
     }
-    const made = attributes(make("canvas"), { width: w, height: h });
-    made.getContext("2d").putImageData(image, 0, 0);
-    return made;
-  };
-  for (const op of Object.values(parts).flat()) {
-    if (op.image) op.bitmap = bitmap(op.image, op);
-    else op.paths = paths(op);
+    Object.assign(op, { sheet, y });
+    y += h;
+  }
+  if (tall) sheet.getContext("2d").putImageData(data, 0, 0);
+  for (const op of ops) {
+    if (!op.image) op.paths = paths(op);
     if (op.at) op.places = points.subarray(p, (p += 2 * op.at));
   }
 }
 
-function draw(context, op, draft) {
+function draw(context, op, draft, zoom) {
   context.save();
+  context.scale(zoom, zoom);
   if (op.clip) {
     context.beginPath();
     context.rect(...op.clip);
     context.clip();
   }
-  if (op.bitmap) context.drawImage(op.bitmap, op.image[0], op.image[1]);
+  const [left, top, w, h] = op.image || [];
+  context.imageSmoothingQuality = "high";
+  if (op.sheet) context.drawImage(op.sheet, 0, op.y, w, h, left, top, w, h);
   else {
     // A line of one pixel is painted six times as fast.
     const thin = draft && !op.dash;
@@ -208,7 +220,7 @@ function draw(context, op, draft) {
     if (op.dash) context.setLineDash(op.dash.slice(1));
     const places = op.places || [0, 0];
     for (let k = 0; k < places.length; k += 2) {
-      context.setTransform(1, 0, 0, 1, places[k], places[k + 1]);
+      context.setTransform(zoom, 0, 0, zoom, zoom * places[k], zoom * places[k + 1]);
       for (const path of op.paths) {
         if (op.fill) context.fill(path);
         if (op.stroke) context.stroke(path);
@@ -378,28 +390,28 @@ function render({ model, el }) {
   };
 
   // ---- the picture
-  const layer = (target, ids, [width, height], draft) => {
+  const layer = (target, ids, { size: [width, height], zoom = 1 }, draft) => {
     if (target.width !== width || target.height !== height) Object.assign(target, { width, height });
     const context = target.getContext("2d", { alpha: false });
     if (base) context.drawImage(base, 0, 0);
-    for (const id of ids) for (const op of parts[id]) draw(context, op, draft);
+    for (const id of ids) for (const op of parts[id]) draw(context, op, draft, zoom);
     return context;
   };
   const paint = () => {
     frame = 0;
-    const { size, settled } = newest;
+    const { settled } = newest;
     if (!base) {
       const first = order.findIndex((id) => id[0] === "m");
       above = first < 0 ? [] : order.slice(first);
       const below = order.slice(0, order.length - above.length);
-      base = layer(make("canvas"), below, size).canvas; // the still background, once
+      base = layer(make("canvas"), below, newest).canvas; // the still background, once
       if (settled !== false) {
         const begin = performance.now();
-        layer(make("canvas"), above, size).getImageData(0, 0, 1, 1); // waits until all is painted
+        layer(make("canvas"), above, newest).getImageData(0, 0, 1, 1); // waits until all is painted
         slow = performance.now() - begin > 12;
       }
     }
-    layer(canvas, above, size, slow && settled === false);
+    layer(canvas, above, newest, slow && settled === false);
     shot = null;
     for (const k of Object.keys(wanted)) {
       if (queue.has(`limits${k}`) || flying?.axes === Number(k)) preview(k);
