@@ -2,22 +2,19 @@
 //
 // to the kernel    {kind, view, seq, ratio, scale, settled, …}: ready; set values; drag handle x y;
 //   limits axes limits; start axes x y; clear; cursor t, or axes x y; hold on; large on; undo;
-//   export what. One at a time waits for its answer; of those that may wait only the newest is kept.
-// from the kernel  {kind: "picture", view, seq, verdict, stopped, values, axes, grips, t, span,
-//   reading, begun, undo, hold, large, code, size, order, ops} and two buffers (draw/record.py), or
-//   a mime type and one buffer; {kind: "error", text, trace}; {kind: "said", text}, or with name,
-//   mime and one buffer: a file.
+//   export what. One at a time waits for its answer, of others of its kind only the newest.
+// from the kernel  {kind: "picture", …: Panel._picture} and two buffers (draw/record.py), or a mime
+//   type and one buffer; {kind: "error", text, trace}; {kind: "said", text, or a file: name, mime}
 
-function make(tag, className, ...children) {
+function make(tag, own, ...children) {
   const node = document.createElement(tag);
-  if (className) node.className = className;
-  node.append(...children.filter((child) => child !== undefined));
+  Object.assign(node, typeof own === "string" ? { className: own } : own);
+  node.append(...children);
   return node;
 }
 
-const attributes = (node, list) => {
-  for (const [name, text] of Object.entries(list)) node.setAttribute(name, text);
-  return node;
+const on = (node, actions, options) => {
+  for (const [name, act] of Object.entries(actions)) node.addEventListener(name, act, options);
 };
 const clip = (x, low, high) => Math.min(Math.max(x, low), high);
 const show = (x) => { // six digits; 1e20, not a one with twenty zeros
@@ -25,190 +22,173 @@ const show = (x) => { // six digits; 1e20, not a one with twenty zeros
   const text = Math.abs(near) >= 1e7 ? near.toExponential() : String(near);
   return text.replaceAll("-", "−").replace("e+", "e");
 };
-const read = (text) => (
-  text.trim() ? Number(text.trim().replaceAll("−", "-").replace(",", ".")) : NaN
-);
+const read = (text) => Number(text.trim().replaceAll("−", "-").replace(",", ".") || NaN);
 
 // A slider runs over positions: the value itself, or its decimal logarithm. The values that it can
 // set lie on a grid that begins at `base`: Control.nearest of controls.py says the same.
-function scale({ kind, base, step, low, high }) {
-  const log = kind === "log";
+function sliderRow(control, changed, refuse) {
+  const { key, low, high, unit, step, base } = control;
+  const log = control.kind === "log";
   const position = (value) => (log ? Math.log10(value) : value);
   const nearest = (at) => {
-    const on = base + Math.floor((at - base) / step + 0.5) * step;
-    const value = Number(log ? (10 ** on).toPrecision(step < 1 ? 2 : 1) : on.toPrecision(12));
-    return clip(value, low, high);
+    const there = base + Math.floor((at - base) / step + 0.5) * step;
+    const round = log ? (10 ** there).toPrecision(step < 1 ? 2 : 1) : there.toPrecision(12);
+    return clip(Number(round), low, high);
   };
-  return { position, nearest };
-}
-
-function sliderRow(control, changed, refused) {
-  const { low, high, unit, step } = control;
-  const { position, nearest } = scale(control);
-  const [least, most] = [position(low), position(high)];
-  const title = control.name + control.index;
-  const range = attributes(make("input", "labkit-range"), {
-    type: "range", min: least, max: most, step: "any", "aria-label": `${title} ${control.meaning}`,
+  const [min, max, title] = [position(low), position(high), control.name + control.index];
+  const range = make("input", {
+    className: "labkit-range", type: "range", min, max, step: "any",
+    ariaLabel: `${title} ${control.meaning}`,
   });
-  const field = attributes(make("input", "labkit-value"), {
-    type: "text", spellcheck: false, inputmode: "decimal", "aria-label": `value of ${title}`,
+  const field = make("input", {
+    className: "labkit-value", type: "text", spellcheck: false, inputMode: "decimal",
+    ariaLabel: `value of ${title}`,
   });
-  let [current, touch] = [control.value, null];
+  let current, finger; // finger: one that moves the slider, or does not yet
 
-  const write = (x) => { // the field is as wide as its number: all digits of it can be read
-    field.value = show(x);
+  const write = () => { // the field is as wide as its number: all digits of it can be read
+    field.ariaInvalid = null;
+    field.value = show(current);
     field.style.setProperty("--digits", field.value.length);
   };
   const put = (x) => {
-    current = x;
     range.value = position(x);
-    const part = 100 * clip((position(x) - least) / (most - least), 0, 1);
-    range.style.setProperty("--part", `${part}%`);
-    range.setAttribute("aria-valuetext", `${show(x)} ${unit}`);
-    if (document.activeElement === field && !field.ariaInvalid) return; // someone writes in it
-    write(x);
-    field.removeAttribute("aria-invalid");
+    if (x === current && !field.ariaInvalid) return;
+    current = x;
+    range.style.setProperty("--part", `${100 * clip((position(x) - min) / (max - min), 0, 1)}%`);
+    range.ariaValueText = `${show(x)} ${unit}`;
+    if (document.activeElement !== field || field.ariaInvalid) write(); // else someone writes in it
   };
-  const move = (x, settled) => {
-    if (x === current && !settled) return;
-    put(x);
-    changed(control.key, x, settled);
-  };
-  // A finger moves a slider sideways only: up and down it scrolls the page, and a touch is no move.
-  range.addEventListener("pointerdown", (event) => {
-    touch = event.pointerType === "touch" ? { x: event.clientX, value: current } : null;
-  });
-  range.addEventListener("pointermove", (event) => {
-    if (touch && Math.abs(event.clientX - touch.x) > 8) touch.moves = true;
-  });
-  range.addEventListener("pointercancel", () => {
-    if (touch) move(touch.value, true);
-    touch = null;
-  });
-  const still = () => touch && !touch.moves;
-  range.addEventListener("input", () => {
-    if (still()) put(current);
-    else move(nearest(range.valueAsNumber), false);
-  });
-  range.addEventListener("change", () => (still() ? put(current) : move(current, true)));
-  range.addEventListener("dblclick", () => move(control.value, true));
+  const move = (x, settled) => (x !== current || settled) && changed(key, x, settled);
   // Lab keeps the arrow keys from a native slider, so they are handled here.
   const keys = {
     ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1,
     PageUp: 10, PageDown: -10, Home: -1e9, End: 1e9,
   };
-  range.addEventListener("keydown", (event) => {
-    if (!(event.key in keys) || event.ctrlKey || event.altKey || event.metaKey) return;
-    event.preventDefault();
-    move(nearest(clip(position(current) + keys[event.key] * step, least, most)), false);
+  // A finger moves a slider sideways only: up and down it scrolls the page, and a touch is no move.
+  const still = () => finger && !finger.moves;
+  on(range, {
+    pointerdown({ pointerType: kind, clientX: from }) {
+      finger = kind === "touch" && { from, value: current, moves: false };
+    },
+    pointermove: ({ clientX }) => finger && (finger.moves ||= Math.abs(clientX - finger.from) > 8),
+    pointercancel: () => finger && move(finger.value, true),
+    input: () => (still() ? put(current) : move(nearest(range.valueAsNumber), false)),
+    change: () => (still() ? put(current) : move(current, true)),
+    dblclick: () => move(control.value, true),
+    keydown(event) {
+      if (!(event.key in keys) || event.ctrlKey || event.altKey || event.metaKey) return;
+      event.preventDefault();
+      move(nearest(clip(position(current) + keys[event.key] * step, min, max)), false);
+    },
+    keyup: (event) => event.key in keys && move(current, true),
   });
-  range.addEventListener("keyup", (event) => event.key in keys && move(current, true));
 
-  const typed = () => {
+  const typed = () => { // whether the field holds what the picture shows, now
     if (!field.ariaInvalid && field.value === show(current)) return true;
     let x = read(field.value);
     x = [low, high].find((end) => show(end) === show(x)) ?? x; // an end as it is shown
-    if (x >= low && x <= high) {
-      field.removeAttribute("aria-invalid");
+    const fits = x >= low && x <= high;
+    if (fits) {
       move(x, true);
-      write(current);
-      return true;
+      write();
+    } else {
+      field.ariaInvalid = true;
+      refuse(`${title}: “${field.value}” ${Number.isNaN(x) ? "is no number" : "is outside"}; ` +
+        `type one from ${show(low)} to ${show(high)}${unit && ` ${unit}`}. ` +
+        `The picture still shows ${show(current)}.`);
     }
-    const wrong = Number.isNaN(x) ? "is no number" : "is outside";
-    field.setAttribute("aria-invalid", true);
-    refused(`${title}: “${field.value}” ${wrong}; type one from ${show(low)} to ${show(high)}` +
-      `${unit && ` ${unit}`}. The picture still shows ${show(current)}.`);
-    return false;
+    return fits;
   };
-  field.addEventListener("change", typed);
-  field.addEventListener("keydown", ({ key }) => {
-    if (key === "Escape") {
-      if (field.ariaInvalid) refused("");
-      field.setAttribute("aria-invalid", true); // what stands there is given up
-      put(current);
-    }
-    if (key === "Escape" || (key === "Enter" && typed())) range.focus();
+  on(field, {
+    change: typed,
+    keydown({ key: pressed }) {
+      if (pressed === "Escape" && field.ariaInvalid) refuse(""); // what stands there is given up
+      if (pressed === "Escape") write();
+      if (pressed === "Escape" || (pressed === "Enter" && typed())) range.focus();
+    },
   });
-  const head = make("span", "labkit-head", ...words(control), field, make("span", "labkit-unit", unit));
+  const head = headOf(control, field, make("span", "labkit-unit", unit));
   return { row: make("div", "labkit-control", head, range), put };
 }
 
 function selectRow(control, changed) {
   const options = control.options.map((text) => make("option", "", text));
-  const select = make("select", "labkit-select", ...options);
-  select.addEventListener("change", () => changed(control.key, select.value, true));
-  const head = make("span", "labkit-head", ...words(control));
-  return { row: make("label", "labkit-control", head, select), put: (x) => (select.value = x) };
+  const onchange = ({ target: { value } }) => changed(control.key, value, true);
+  const select = make("select", { className: "labkit-select", onchange }, ...options);
+  const row = make("label", "labkit-control", headOf(control), select);
+  return { row, put: (x) => (select.value = x) };
 }
 
-function words({ name, index, meaning }) {
+function headOf({ name, index, meaning }, ...more) {
   const node = make("span", name.length === 1 ? "labkit-name labkit-letter" : "labkit-name", name);
   if (index) node.append(make("sub", "", index));
-  return [node, make("span", "labkit-meaning", meaning)];
+  return make("span", "labkit-head", node, make("span", "labkit-meaning", meaning), ...more);
 }
 
-// ---- the picture: what Matplotlib drew, stroke by stroke
+// ---- the picture: what Matplotlib drew, stroke by stroke. An op learns its paths, or its place on
+// a sheet of bitmaps, once: those of a recording come again as they are.
 function unpack(parts, buffers) {
+  const fresh = [...new Set(Object.values(parts).flat())].filter((op) => !op.paths && !op.sheet);
   const [floats, bytes] = buffers.map(({ buffer, byteOffset, byteLength }) =>
     buffer.slice(byteOffset, byteOffset + byteLength));
   const [points, pixels] = [new Float32Array(floats), new Uint8Array(bytes)];
-  let [p, b] = [0, 0];
-  const paths = ({ n, apart }) => {
-    const made = [new Path2D()];
-    let [last, down] = [made[0], false];
-    for (const end = p + 2 * n; p < end; p += 2) {
-      const x = points[p];
-      if (x === x) {
-        if (down) last.lineTo(x, points[p + 1]);
-        else last.moveTo(x, points[p + 1]);
-        down = true;
-      } else {
-        if (points[p + 1]) last.closePath();
-        else if (apart) made.push((last = new Path2D()));
-        down = false;
-      }
+  let [p, b, y] = [0, 0, 0];
+  for (const op of fresh.filter(({ image }) => !image)) {
+    let [last, down] = [new Path2D(), false];
+    op.paths = [last];
+    for (const end = p + 2 * op.n; p < end; p += 2) {
+      const [x, y] = [points[p], points[p + 1]];
+      if (!Number.isNaN(x)) last[down ? "lineTo" : "moveTo"](x, y);
+      else if (y) last.closePath();
+      else if (op.apart) op.paths.push((last = new Path2D()));
+      down = !Number.isNaN(x);
     }
-    return made;
-  };
-  const bitmap = ([, , w, h], op) => {
-    const image = new ImageData(w, h);
-    if (op.rgba) image.data.set(pixels.subarray(b, (b += 4 * w * h)));
+    op.places = op.at ? points.subarray(p, (p += 2 * op.at)) : [0, 0];
+  }
+  const texts = fresh.filter(({ image, rgba }) => image && !rgba);
+  const width = Math.max(0, ...texts.map(({ image }) => image[2]));
+  const height = texts.reduce((sum, { image }) => sum + image[3], 0);
+  const sheet = make("canvas", { width, height }); // one for all words: to make a canvas takes long
+  for (const op of fresh.filter(({ image }) => image)) {
+    const [, , w, h] = op.image;
+    const bitmap = new ImageData(w, h);
+    if (op.rgba) bitmap.data.set(pixels.subarray(b, (b += 4 * w * h)));
     else {
-      const ink = parseInt(op.fill.slice(5, 7) + op.fill.slice(3, 5) + op.fill.slice(1, 3), 16);
-      const words = new Uint32Array(image.data.buffer);
+      const ink = parseInt(op.fill.slice(1, 7).match(/../g).reverse().join(""), 16);
+      const words = new Uint32Array(bitmap.data.buffer);
       for (let k = 0; k < w * h; k++) words[k] = ink | (pixels[b++] << 24);
     }
-    const made = attributes(make("canvas"), { width: w, height: h });
-    made.getContext("2d").putImageData(image, 0, 0);
-    return made;
-  };
-  for (const op of Object.values(parts).flat()) {
-    if (op.image) op.bitmap = bitmap(op.image, op);
-    else op.paths = paths(op);
-    if (op.at) op.places = points.subarray(p, (p += 2 * op.at));
+    const own = op.rgba && { sheet: make("canvas", { width: w, height: h }), y: 0 };
+    Object.assign(op, own || { sheet, y });
+    op.sheet.getContext("2d").putImageData(bitmap, 0, op.y);
+    if (!own) y += h;
   }
 }
 
-function draw(context, op, draft) {
+function draw(context, op, zoom, draft) {
   context.save();
+  context.scale(zoom, zoom);
   if (op.clip) {
     context.beginPath();
     context.rect(...op.clip);
     context.clip();
   }
-  if (op.bitmap) context.drawImage(op.bitmap, op.image[0], op.image[1]);
-  else {
-    // A line of one pixel is painted six times as fast.
-    const thin = draft && !op.dash;
-    const lineWidth = thin ? Math.min(op.width, Math.max(1, op.width - 0.5)) : op.width;
-    const lineJoin = draft && lineWidth < 3 ? "miter" : op.join;
-    const look = { fillStyle: op.fill, strokeStyle: op.stroke, lineCap: op.cap, miterLimit: 4 };
-    Object.assign(context, look, { lineWidth, lineJoin });
-    if (op.dash) [context.lineDashOffset] = op.dash;
-    if (op.dash) context.setLineDash(op.dash.slice(1));
-    const places = op.places || [0, 0];
-    for (let k = 0; k < places.length; k += 2) {
-      context.setTransform(1, 0, 0, 1, places[k], places[k + 1]);
+  if (op.sheet) {
+    const [x, y, w, h] = op.image;
+    context.imageSmoothingQuality = "high";
+    context.drawImage(op.sheet, 0, op.y, w, h, x, y, w, h);
+  } else {
+    // A line of one pixel is painted twenty times as fast: good while a hand moves.
+    const thin = draft && !op.dash && op.width * zoom < 1.6;
+    const lineWidth = thin ? Math.min(op.width, 1 / zoom) : op.width;
+    const lineJoin = draft && op.width < 3 ? "miter" : op.join; // a round one takes longer
+    const look = { fillStyle: op.fill, strokeStyle: op.stroke, lineCap: op.cap, lineJoin };
+    const [lineDashOffset, ...dashes] = op.dash || [0];
+    Object.assign(context, look, { lineWidth, lineDashOffset, miterLimit: 4 });
+    context.setLineDash(dashes);
+    for (let k = 0; k < op.places.length; k += 2) {
+      context.setTransform(zoom, 0, 0, zoom, zoom * op.places[k], zoom * op.places[k + 1]);
       for (const path of op.paths) {
         if (op.fill) context.fill(path);
         if (op.stroke) context.stroke(path);
@@ -222,63 +202,47 @@ function render({ model, el }) {
   const spec = model.get("spec");
   const kernel = model.widget_manager?.kernel;
   const me = Math.random().toString(36).slice(2);
-  const values = Object.fromEntries(spec.controls.map((control) => [control.key, control.value]));
   const queue = new Map(); // messages that wait, by what they replace
-  const [rows, wanted, pointers] = [{}, {}, new Map()]; // wanted: limits asked for, by axes
+  const [rows, values, pointers] = [{}, {}, new Map()];
   let [seq, sent, flying, patience] = [0, 0, null, []]; // flying: what waits for its answer
-  let [order, parts, base, newest, frame, slow] = [null, {}, null, null, 0, false];
+  let [order, parts, base, newest, frame] = [null, {}, null, null, 0];
   let above = []; // parts from the first moving one on; those below it are kept as pixels
   let info = { axes: [], grips: [], span: [0, 1], t: null, verdict: spec.verdict };
-  let [shot, press, pinned, playing, chosen, current, rest] = [null, null, false, 0, -1, 0, 0];
-  let marked = ""; // what the buttons say
-  let wide = spec.width; // of the canvas on the page; an observer measures it: asking costs a layout
+  let [press, pinned, playing, chosen, current, rest] = [null, false, 0, -1, 0, 0];
+  let wide = spec.width; // of the canvas on the page; an observer says it: asking costs a layout
 
-  const canvas = make("canvas", "labkit-picture");
   const ratio = () => {
     const dpr = window.devicePixelRatio || 1;
     const exact = (Math.round(wide * dpr) + 0.25) / spec.width; // whole pixels: nothing is blurred
     return Math.abs(wide - spec.width) < 1 ? dpr : exact;
   };
-  Object.assign(canvas, { width: spec.width * ratio(), height: spec.height * ratio() });
-  const [ring, time] = [spec.handles.length > 0, spec.moves];
-  const help = spec.recorded || [
-    spec.planes && "click in a plane: trajectory from there", ring && "drag a ring",
-    spec.clicks && "click in a map: its values",
-    time && "over a time plot: cursor; click: it stays; a finger sideways moves it",
-    "drag: shifts the axes · wheel or two fingers: zoom · double click: back · + − 0: zoom",
-    spec.axes > 1 && "a: next axes", "Alt-arrows: shift · Ctrl-Z: undo",
-    (time || ring) && `arrow keys: ${[time && "cursor", ring && "ring"].filter(Boolean).join(" or ")}`,
-    time && ring && "Enter: which", time && "Space: play", spec.planes && ring && "n: start at the ring",
-    spec.planes && "Delete: clear",
-  ].filter(Boolean).join(" · ");
-  attributes(canvas, {
-    role: "application", tabindex: 0, "aria-label": spec.alt,
-    "aria-roledescription": "live picture", "aria-description": help,
+  const canvas = make("canvas", {
+    className: "labkit-picture", width: spec.width * ratio(), height: spec.height * ratio(),
+    role: "application", tabIndex: 0, ariaLabel: spec.alt, ariaRoleDescription: "live picture",
+    ariaDescription: spec.help,
   });
-  const live = (className, ...children) =>
-    attributes(make("div", className, ...children), { role: "status" });
+  const live = (className, ...children) => make("div", { className, role: "status" }, ...children);
   const reading = live("labkit-reading", "\u00a0");
   const [opinion, stopped] = [make("span", "", spec.verdict), make("strong", "", spec.stopped)];
-  const trouble = make("div", "labkit-trouble");
+  const trouble = make("div");
   const verdict = live("labkit-verdict", stopped, opinion, trouble);
   const stage = make("div", "labkit-stage", canvas, reading, verdict);
   const [side, foot] = [make("div", "labkit-side"), make("div", "labkit-foot")];
-  const room = make("div", "labkit-room", stage, side, foot);
-  room.style.setProperty("--w", `${Math.floor(spec.width)}px`);
-  room.style.setProperty("--shape", spec.width / spec.height);
+  const style = `--w: ${Math.floor(spec.width)}px; --shape: ${spec.width / spec.height}`;
+  const room = make("fieldset", { className: "labkit-room", style }, stage, side, foot);
   el.classList.add("labkit-panel");
   el.append(room);
 
   // ---- messages
+  const again = spec.download ? "reload this page" : "run the notebook again: Run ▸ Run All Cells";
   const post = () => {
     if (flying || !queue.size) return;
     const [key, message] = queue.entries().next().value;
     queue.delete(key);
     flying = message;
     sent = ratio();
-    const more = { view: me, seq: ++seq, ratio: sent, scale: wide / spec.width };
     try {
-      model.send({ ...message, ...more });
+      model.send({ ...message, view: me, seq: ++seq, ratio: sent, scale: wide / spec.width });
     } catch {
       return lose(); // the kernel was restarted, or is dead
     }
@@ -286,182 +250,132 @@ function render({ model, el }) {
   };
   const wait = (after) => {
     const cut = kernel && kernel.connectionStatus !== "connected";
-    let text = cut ? "no connection to the kernel" : "the kernel is busy";
+    const text = cut ? "no connection to the kernel" : "the kernel is busy";
     if (after > 400) stop();
-    if (after > 900) text = `no answer: ${text}; if it does not end, ${again}`;
-    verdict.dataset.late = `… ${text}`;
-  };
-  const again = spec.download ? "reload this page" : "run the notebook again: Run ▸ Run All Cells";
-  const enable = (on) => {
-    el.classList.toggle("labkit-lost", !on);
-    for (const node of el.querySelectorAll("input, select, button")) node.disabled = !on;
-    marked = "";
+    const end = `no answer: ${text}; if it does not end, ${again}`;
+    verdict.dataset.late = `… ${after > 900 ? end : text}`;
   };
   const calm = () => { // the kernel answers, or the message that was sent last is taken back
     patience.forEach(clearTimeout);
     delete verdict.dataset.late;
   };
   const lose = () => {
-    [flying, pinned] = [null, false];
+    flying = null;
     queue.clear();
     calm();
     stop();
-    enable(false);
-    complain({ text: `This panel has no kernel any more: ${again}.` });
+    room.disabled = true; // and all its controls
+    refuse(`This panel has no kernel any more: ${again}.`);
   };
   const ask = (kind, more = {}, key = kind) => {
-    if (el.classList.contains("labkit-lost") && kind !== "ready") return;
+    if (room.disabled && kind !== "ready") return;
     queue.set(key, { kind, ...more });
     post();
   };
+  const each = (kind, more) => ask(kind, more, Symbol(kind)); // none of them takes another's place
   const set = (changes, settled, more = {}) => {
-    const before = queue.get("set")?.values;
-    ask("set", { values: { ...before, ...changes }, settled, ...more });
+    ask("set", { values: { ...queue.get("set")?.values, ...changes }, settled, ...more });
   };
-  const tidy = () => { // a value that was refused goes as soon as another one is taken
-    for (const node of el.querySelectorAll("[aria-invalid]")) rows[node.key].put(values[node.key]);
+  const adopt = (news) => { // a value that was refused goes as soon as another one is taken
+    Object.assign(values, news);
+    const fixed = spec.fixed.includes(values.method) ? "fixed" : "adaptive";
+    for (const { key, only } of spec.controls) {
+      rows[key].put(values[key]);
+      rows[key].row.hidden = only && only !== fixed;
+    }
   };
   const changed = (key, value, settled) => {
-    values[key] = value;
-    tidy();
-    arrange();
+    adopt({ [key]: value });
     set({ [key]: value }, settled);
   };
-  const answered = async (message, buffers) => {
+  const answered = (message, buffers) => {
     const mine = message.view === me;
     if (mine) {
       flying = null;
       calm();
-      if (el.classList.contains("labkit-lost")) enable(true);
+      room.disabled = false;
       post(); // the next one is on its way before this one is painted
     }
     if (message.kind === "said" && mine) {
       if (message.name) save(new Blob(buffers, { type: message.mime }), message.name);
       tell(message.text);
     }
-    if (message.kind === "error" && mine) complain(message);
+    if (message.kind === "error" && mine) judge(message);
     if (message.kind !== "picture") return;
-    sync(message.values, { ...flying?.values, ...queue.get("set")?.values });
-    info = message;
-    if (message.mime) await bitmap(buffers[0], message);
-    else if (message.order || order) {
-      unpack(message.ops, buffers);
-      if (message.order) [order, parts, base] = [message.order, {}, null];
-      Object.assign(parts, message.ops);
-      newest = message;
-      frame ||= requestAnimationFrame(paint); // only the newest picture of each animation frame
-    }
+    if (!flying?.values && !queue.has("set")) adopt(message.values); // else the hand is ahead
+    take(message, buffers);
+    say(reading, info.reading || "\u00a0");
     judge();
     mark();
   };
+  const refuse = (text) => judge(text ? { kind: "error", text } : info);
   const say = (node, text) => node.textContent !== text && (node.textContent = text);
-  const judge = () => {
-    el.classList.remove("labkit-old");
-    verdict.classList.toggle("labkit-error", Boolean(info.stopped));
-    if (trouble.firstChild) trouble.replaceChildren();
-    say(reading, info.reading || "\u00a0");
-    say(stopped, info.stopped || "");
-    say(opinion, info.verdict);
-  };
-  const complain = ({ text, trace }) => {
-    el.classList.add("labkit-old"); // what is shown is not what was asked for
-    verdict.classList.add("labkit-error");
-    for (const node of [stopped, opinion]) say(node, "");
-    for (const key of Object.keys(wanted)) delete wanted[key];
-    trouble.replaceChildren(make("div", "", text));
+  const judge = ({ kind, stopped: early, verdict: words, text, trace } = info) => {
+    el.classList.toggle("labkit-old", kind === "error"); // what is shown is not what was asked for
+    verdict.classList.toggle("labkit-error", Boolean(early || kind === "error"));
+    say(stopped, early || "");
+    say(opinion, words || "");
+    say(trouble, text || "");
     if (!trace) return;
-    const [lines, summary] = [make("pre", "", trace), make("summary", "", "where it happened")];
-    const more = make("details", "", summary, lines);
-    lines.tabIndex = 0;
-    more.addEventListener("toggle", () => (lines.scrollTop = lines.scrollHeight)); // the end tells most
-    trouble.append(more);
+    const lines = make("pre", { tabIndex: 0 }, trace);
+    const ontoggle = () => (lines.scrollTop = lines.scrollHeight); // the end tells most
+    trouble.append(make("details", { ontoggle }, make("summary", "", "where it happened"), lines));
   };
-
   // ---- the picture
-  const layer = (target, ids, [width, height], draft) => {
-    if (target.width !== width || target.height !== height) Object.assign(target, { width, height });
+  const take = async (message, buffers) => {
+    info = message;
+    if (message.mime) {
+      const picture = await createImageBitmap(new Blob(buffers, { type: message.mime }));
+      if (info !== message) return; // decoding is asynchronous: a newer one was faster
+      [order, above, base] = [null, [], picture];
+    } else {
+      if (message.order) [order, parts, base] = [message.order, {}, null];
+      if (!order) return; // the rest is on its way
+      unpack(message.ops, buffers);
+      Object.assign(parts, message.ops);
+    }
+    newest = message;
+    frame ||= requestAnimationFrame(paint); // once for each frame
+  };
+  const layer = (target, ids, draft) => {
+    const { size: [width, height], zoom = 1 } = newest;
+    const fits = target.width === width && target.height === height;
+    if (!fits) Object.assign(target, { width, height });
     const context = target.getContext("2d", { alpha: false });
-    if (base) context.drawImage(base, 0, 0);
-    for (const id of ids) for (const op of parts[id]) draw(context, op, draft);
+    if (base) context.drawImage(base, 0, 0, width, height);
+    for (const id of ids) for (const op of parts[id]) draw(context, op, zoom, draft);
     return context;
   };
   const paint = () => {
     frame = 0;
-    const { size, settled } = newest;
     if (!base) {
-      const first = order.findIndex((id) => id[0] === "m");
-      above = first < 0 ? [] : order.slice(first);
-      const below = order.slice(0, order.length - above.length);
-      base = layer(make("canvas"), below, size).canvas; // the still background, once
-      if (settled !== false) {
-        const begin = performance.now();
-        layer(make("canvas"), above, size).getImageData(0, 0, 1, 1); // waits until all is painted
-        slow = performance.now() - begin > 12;
-      }
+      const still = [...order, "m"].findIndex((id) => id[0] === "m");
+      above = order.slice(still);
+      base = layer(make("canvas"), order.slice(0, still)).canvas; // the background, once
     }
-    layer(canvas, above, size, slow && settled === false);
-    shot = null;
-    for (const k of Object.keys(wanted)) {
-      if (queue.has(`limits${k}`) || flying?.axes === Number(k)) preview(k);
-      else delete wanted[k];
-    }
+    layer(canvas, above, newest.settled === false);
     if (newest.view === me) canvas.dataset.seq = newest.seq;
   };
-  const bitmap = async (bytes, message) => {
-    newest = message;
-    const picture = await createImageBitmap(new Blob([bytes], { type: message.mime }));
-    if (newest !== message) return; // decoding is asynchronous: a newer one was faster
-    const [width, height] = message.size;
-    order = null;
-    Object.assign(canvas, { width, height });
-    canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
-    canvas.dataset.seq = message.seq;
-  };
 
-  // ---- zoom: limits [x0, y0, x1, y1] are linear in pixels; until the kernel's picture comes, the
-  // one there is is stretched
-  const preview = (k) => {
-    const { box: [left, top, width, height], limits: [x0, y0, x1, y1] } = info.axes[k];
-    const [a, b, c, d] = wanted[k];
-    shot ||= Object.assign(make("canvas"), { width: canvas.width, height: canvas.height });
-    if (!shot.full) shot.getContext("2d").drawImage(canvas, 0, 0);
-    shot.full = true;
-    const context = canvas.getContext("2d");
-    context.save();
-    context.beginPath();
-    context.rect(left, top, width, height);
-    context.clip();
-    context.fillStyle = "#fff";
-    context.fillRect(left, top, width, height);
-    const [sx, sy] = [(x1 - x0) / (c - a), (y1 - y0) / (d - b)];
-    const [px, py] = [left + ((x0 - a) / (c - a)) * width, top + ((d - y1) / (d - b)) * height];
-    context.setTransform(sx, 0, 0, sy, px - left * sx, py - top * sy);
-    context.drawImage(shot, left, top, width, height, left, top, width, height);
-    context.restore();
-  };
-  const relimit = (k, move) => {
+  // ---- zoom: limits [x0, y0, x1, y1] are linear in pixels
+  const asked = (k) => queue.get(`limits${k}`)?.limits || (flying?.axes === k && flying.limits);
+  // What is at one place of the axes comes to another, in a picture of so many times their width.
+  const pull = (k, factor, from, to) => {
     if (!info.axes[k]) return;
-    wanted[k] = move(wanted[k] || info.axes[k].limits);
-    preview(k);
-    const more = { axes: k, limits: wanted[k] };
-    ask("limits", { ...more, settled: false }, `limits${k}`);
-    clearTimeout(rest);
-    rest = setTimeout(() => ask("limits", more, `limits${k}`), 350); // then labels find their places
-  };
-  const zoom = (k, factor, x, y) => relimit(k, (old) => {
     const [left, top, width, height] = info.axes[k].box;
-    const px = old[0] + ((x - left) / width) * (old[2] - old[0]);
-    const py = old[3] - ((y - top) / height) * (old[3] - old[1]);
-    return old.map((value, i) => (i % 2 ? py : px) + (value - (i % 2 ? py : px)) * factor);
-  });
-  const shift = (k, dx, dy) => relimit(k, (old) => {
-    const [, , width, height] = info.axes[k].box;
-    const [right, up] = [(dx / width) * (old[2] - old[0]), (-dy / height) * (old[3] - old[1])];
-    return old.map((value, i) => value - (i % 2 ? up : right));
-  });
+    const [fromX, fromY] = from ?? [left + width / 2, top + height / 2];
+    const [toX, toY] = to ?? [fromX, fromY];
+    const [x0, y0, x1, y1] = asked(k) || info.axes[k].limits;
+    const [across, up] = [(x1 - x0) / width, (y1 - y0) / height]; // of a pixel
+    const x = x0 + (fromX - left - factor * (toX - left)) * across;
+    const y = y1 - (fromY - top - factor * (toY - top)) * up;
+    const limits = [x, y - factor * height * up, x + factor * width * across, y];
+    ask("limits", { axes: k, limits, settled: false }, `limits${k}`);
+    clearTimeout(rest); // then labels find their places
+    rest = setTimeout(() => ask("limits", { axes: k, limits }, `limits${k}`), 350);
+  };
   const home = (k) => {
     clearTimeout(rest);
-    delete wanted[k];
     if (!info.axes[k].home) ask("limits", { axes: k, limits: null }, `limits${k}`);
   };
   const homes = () => info.axes.forEach((_, k) => home(k));
@@ -480,172 +394,160 @@ function render({ model, el }) {
     return away[nearest] <= reach ? nearest : -1;
   };
   const at = (k) => info.axes[k]?.kind;
-  const listen = (name, action, options) => canvas.addEventListener(name, action, options);
-  listen("pointerdown", (event) => {
-    const [x, y, scale] = place(event);
-    const [touch, axes] = [event.pointerType === "touch", over(x, y)];
-    canvas.focus({ preventScroll: true });
-    canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, [x, y]);
-    press = { x, y, touch, axes, grip: grip(x, y, (touch ? 24 : 12) * scale), act: "" };
-    press.before = wanted[axes] || info.axes[axes]?.limits;
-    if (pointers.size > 1) press.act = "zoom";
-    if (press.grip >= 0) chosen = press.grip;
-    if (axes >= 0) current = axes;
-  });
+  const start = (x, y, k = over(x, y)) => at(k) === "plane" && each("start", { axes: k, x, y });
+  const drag = (settled, x, y, handle = press.grip) => ask("drag", { handle, x, y, settled });
   // A finger that sets out up or down scrolls the page; sideways it moves the cursor or the axes.
   const intent = (dx, dy) => {
     if (press.grip >= 0) return "drag";
     if (press.axes < 0 || (press.touch && Math.abs(dy) > Math.abs(dx))) return "none";
     return press.touch && at(press.axes) === "time" ? "scrub" : "shift";
   };
-  listen("pointermove", (event) => {
-    const [x, y, scale] = place(event);
-    if (!press || !pointers.has(event.pointerId)) {
-      const k = over(x, y);
-      canvas.style.cursor = grip(x, y, 12 * scale) >= 0 ? "grab" : k < 0 ? "" : "crosshair";
-      if (at(k) === "time" && !pinned && !playing) ask("cursor", { axes: k, x, y });
-      return;
-    }
-    const [dx, dy] = [x - press.x, y - press.y];
-    if (!press.act && Math.hypot(dx, dy) <= (press.touch ? 10 : 4) * scale) return;
-    press.act ||= intent(dx, dy);
-    const [oldX, oldY] = pointers.get(event.pointerId);
-    const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
-    pointers.set(event.pointerId, [x, y]);
-    if (press.act === "drag") ask("drag", { handle: press.grip, x, y, settled: false });
-    if (press.act === "shift") shift(press.axes, x - oldX, y - oldY);
-    if (press.act === "scrub") pin(press.axes, x, y);
-    if (press.act !== "zoom" || !other || press.axes < 0) return;
-    const far = Math.hypot(oldX - other[0], oldY - other[1]);
-    const factor = far / Math.hypot(x - other[0], y - other[1]);
-    zoom(press.axes, factor, (x + other[0]) / 2, (y + other[1]) / 2);
-  });
-  const lifted = (event) => {
-    const [x, y] = place(event);
-    pointers.delete(event.pointerId);
-    if (!press || pointers.size) return;
-    if (event.type === "pointercancel") { // the page scrolls: nothing has happened
-      if (press.act === "shift") relimit(press.axes, () => press.before);
+  on(canvas, {
+    pointerdown(event) {
+      const [x, y, scale] = place(event);
+      const [touch, axes] = [event.pointerType === "touch", over(x, y)];
+      canvas.focus({ preventScroll: true });
+      canvas.setPointerCapture(event.pointerId);
+      pointers.set(event.pointerId, [x, y]);
+      press = { x, y, touch, axes, grip: grip(x, y, (touch ? 24 : 12) * scale), act: "" };
+      if (pointers.size > 1) press.act = "zoom";
+      if (press.grip >= 0) chosen = press.grip;
+      if (axes >= 0) current = axes;
+    },
+    pointermove(event) {
+      const [x, y, scale] = place(event);
+      if (!press || !pointers.has(event.pointerId)) {
+        const k = over(x, y);
+        canvas.style.cursor = grip(x, y, 12 * scale) >= 0 ? "grab" : k < 0 ? "" : "crosshair";
+        if (at(k) === "time" && !pinned && !playing) ask("cursor", { axes: k, x, y });
+        return;
+      }
+      const [dx, dy] = [x - press.x, y - press.y];
+      if (!press.act && Math.hypot(dx, dy) <= (press.touch ? 10 : 4) * scale) return;
+      press.act ||= intent(dx, dy);
+      const old = pointers.get(event.pointerId);
+      const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+      pointers.set(event.pointerId, [x, y]);
+      if (press.act === "drag") drag(false, x, y);
+      if (press.act === "shift") pull(press.axes, 1, old, [x, y]);
+      if (press.act === "scrub") pin({ axes: press.axes, x, y });
+      if (press.act !== "zoom" || !other) return;
+      const far = ([a, b]) => Math.hypot(a - other[0], b - other[1]);
+      const between = ([a, b]) => [(a + other[0]) / 2, (b + other[1]) / 2];
+      pull(press.axes, far(old) / far([x, y]), between([x, y]));
+    },
+    pointerup(event) {
+      const [x, y] = place(event);
+      pointers.delete(event.pointerId);
+      if (press?.act === "drag" && !pointers.size) drag(true, x, y);
+    },
+    pointercancel({ pointerId }) { // the page scrolls
+      pointers.delete(pointerId);
       press = null;
-    } else if (press.act === "drag") ask("drag", { handle: press.grip, x, y, settled: true });
-  };
-  listen("pointerup", lifted);
-  listen("pointercancel", lifted);
-  listen("touchmove", (event) => { // no scrolling under a ring or two fingers
-    const own = event.touches.length > 1 || press?.grip >= 0;
-    if (own && event.cancelable) event.preventDefault();
-  }, { passive: false });
-  listen("click", (event) => {
-    if (!press || press.act || event.detail > 1) return;
-    const { axes, x, y } = press;
-    const handle = info.axes[axes]?.click ?? -1;
-    if (handle >= 0) return ask("drag", { handle, x, y, settled: true });
-    if (at(axes) === "plane" && press.grip < 0) ask("start", { axes, x, y }, Symbol("start"));
-    if (at(axes) === "time") pin(axes, x, y);
+    },
+    pointerleave: () => !pinned && !playing && info.t !== null && ask("cursor", { t: null }),
+    click(event) {
+      if (!press || press.act || event.detail > 1) return;
+      const { axes, x, y } = press;
+      const handle = info.axes[axes]?.click ?? -1;
+      if (handle >= 0) drag(true, x, y, handle);
+      else if (press.grip < 0) start(x, y);
+      if (at(axes) === "time" && handle < 0) pin({ axes, x, y });
+    },
+    dblclick(event) {
+      const k = over(...place(event));
+      if (k < 0) return;
+      // Its first click was none.
+      if (at(k) === "plane" && press?.grip < 0) each("clear", { last: 1 });
+      home(k);
+    },
   });
-  listen("dblclick", (event) => {
-    const k = over(...place(event));
-    if (k < 0) return;
-    const started = at(k) === "plane" && press?.grip < 0;
-    if (started) ask("clear", { last: 1 }, Symbol("clear")); // its first click was none
-    home(k);
-  });
-  listen("pointerleave", () => {
-    if (!pinned && !playing && info.t !== null) ask("cursor", { t: null });
-  });
-  listen("wheel", (event) => {
-    const [x, y] = place(event);
-    const k = over(x, y);
-    if (k < 0 || document.activeElement !== canvas) return; // the page still scrolls
-    event.preventDefault();
-    zoom(k, 1.0015 ** clip(event.deltaY * (event.deltaMode ? 30 : 1), -300, 300), x, y);
+  on(canvas, {
+    touchmove(event) { // no scrolling under a ring or two fingers
+      const own = event.touches.length > 1 || press?.grip >= 0;
+      if (own && event.cancelable) event.preventDefault();
+    },
+    wheel(event) {
+      const [x, y] = place(event);
+      const k = over(x, y);
+      if (k < 0 || document.activeElement !== canvas) return; // the page still scrolls
+      event.preventDefault();
+      pull(k, 1.0015 ** clip(event.deltaY * (event.deltaMode ? 30 : 1), -300, 300), [x, y]);
+    },
   }, { passive: false });
 
   // ---- time
-  const pin = (axes, x, y) => {
+  const pin = (where) => {
     stop();
     pinned = true;
-    ask("cursor", { axes, x, y });
+    ask("cursor", where);
   };
-  const cursor = (t) => {
-    if (!spec.moves) return;
-    pinned = true;
-    info.t = clip(t, ...info.span);
-    ask("cursor", { t: info.t });
-  };
-  const play = () => {
+  const toggle = () => {
+    if (playing || !spec.moves) return stop();
     const [first, last] = info.span;
     const from = info.t === null || info.t >= last ? first : info.t;
     const clock = spec.time === "s" && last - first >= 2 && last - first <= 20; // as fast as it
     const speed = clock ? 1 : (last - first) / 10;
-    let begin;
+    const begin = performance.now();
     const step = (now) => {
-      begin ??= now;
-      const t = Math.min(from + ((now - begin) / 1000) * speed, last);
-      cursor(t);
-      if (t < last && playing) playing = requestAnimationFrame(step);
+      info.t = clip(from + ((now - begin) / 1000) * speed, first, last);
+      ask("cursor", { t: info.t });
+      if (info.t < last && playing) playing = requestAnimationFrame(step);
       else stop();
     };
+    pinned = true;
     playing = requestAnimationFrame(step);
     buttons.play.textContent = "❚❚ Pause";
-    reading.setAttribute("aria-live", "off"); // nobody can listen that fast
+    reading.ariaLive = "off"; // nobody can listen that fast
   };
   const stop = () => {
     cancelAnimationFrame(playing);
     playing = 0;
-    reading.removeAttribute("aria-live");
+    reading.ariaLive = null;
     if (buttons.play) buttons.play.textContent = "▶ Play";
   };
-  const toggle = () => spec.moves && (playing ? stop() : play());
   const free = () => {
     pinned = false;
     stop();
+    ask("cursor", { t: null });
   };
 
   // ---- keys
   const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-  listen("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || !info.axes.length) return;
-    const { box: [left, top, width, height] } = info.axes[current];
-    const closer = (factor) => zoom(current, factor, left + width / 2, top + height / 2);
-    const [held, big] = [info.grips[chosen], event.shiftKey ? 0.1 : 0.01];
-    const act = {
-      " ": toggle, Delete: () => ask("clear"), Backspace: () => ask("clear"), 0: homes,
-      "+": () => closer(0.8), "=": () => closer(0.8), "-": () => closer(1.25),
-      Escape: () => {
-        free();
-        ask("cursor", { t: null });
-      },
-      a: () => {
-        current = (current + 1) % info.axes.length;
-        tell(`zoom: axes ${current + 1} of ${info.axes.length}`);
-      },
-      Enter: () => {
-        chosen = chosen + 2 > info.grips.length ? -1 : chosen + 1;
-        if (ring) tell(`arrow keys move: ${chosen < 0 ? "the time cursor" : spec.handles[chosen]}`);
-      },
-      n: () => {
-        const [x, y] = held || info.grips[0] || [];
-        if (at(over(x, y)) === "plane") ask("start", { axes: over(x, y), x, y }, Symbol("start"));
-      },
-    }[event.key];
-    const arrow = arrows[event.key];
-    if (!act && !arrow) return;
-    event.preventDefault();
-    if (act) return act();
-    const under = held && !event.altKey ? over(...held) : -1; // a ring moves by its own axes' width
-    const far = big * (under >= 0 ? info.axes[under].box[2] : width);
-    if (event.altKey) shift(current, -5 * far * arrow[0], -5 * far * arrow[1]);
-    else if (held) {
-      const [x, y] = [(held[0] += far * arrow[0]), (held[1] += far * arrow[1])];
-      ask("drag", { handle: chosen, x, y, settled: false });
-    } else if (arrow[0]) {
-      cursor((info.t ?? info.span[0]) + arrow[0] * big * (info.span[1] - info.span[0]));
-    }
-  });
-  listen("keyup", (event) => {
-    if (event.key in arrows && info.grips[chosen] && !event.altKey) set({}, true); // the hand rests
+  const clear = () => ask("clear");
+  const held = () => info.grips[chosen];
+  const plain = {
+    " ": toggle, Escape: free, Delete: clear, Backspace: clear, 0: homes,
+    "+": () => pull(current, 0.8), "=": () => pull(current, 0.8), "-": () => pull(current, 1.25),
+    a() {
+      current = (current + 1) % info.axes.length;
+      tell(`zoom: axes ${current + 1} of ${info.axes.length}`);
+    },
+    Enter() {
+      chosen = chosen + 2 > info.grips.length ? -1 : chosen + 1;
+      const name = chosen < 0 ? "the time cursor" : spec.handles[chosen];
+      if (spec.handles.length) tell(`arrow keys move: ${name}`);
+    },
+    n: () => start(...(held() || info.grips[0] || [])),
+  };
+  on(canvas, {
+    keydown(event) {
+      const [act, arrow, ring] = [plain[event.key], arrows[event.key], held()];
+      if (event.ctrlKey || event.metaKey || !info.axes.length || !(act || arrow)) return;
+      event.preventDefault();
+      if (act) return act();
+      const big = event.shiftKey ? 0.1 : 0.01;
+      const moves = ring && !event.altKey; // a ring moves by its own axes' width
+      const far = big * (info.axes[moves ? over(...ring) : -1] ?? info.axes[current]).box[2];
+      if (event.altKey) pull(current, 1, arrow.map((x) => 5 * far * x), [0, 0]);
+      else if (ring) drag(false, (ring[0] += far * arrow[0]), (ring[1] += far * arrow[1]), chosen);
+      else if (arrow[0] && spec.moves) {
+        const [first, last] = info.span;
+        info.t = clip((info.t ?? first) + arrow[0] * big * (last - first), first, last);
+        pin({ t: info.t });
+      }
+    },
+    keyup: (event) => event.key in arrows && held() && !event.altKey && set({}, true), // it rests
   });
   // Lab's own keys (arrows, a, b, d d, Ctrl-Z) rest while the panel has the focus, but Ctrl-S still
   // saves and Shift-Enter still runs.
@@ -657,60 +559,31 @@ function render({ model, el }) {
     event.target.toggleAttribute("data-lm-suppress-shortcuts", !lab);
     if (!undo || event.target.matches(".labkit-value")) return; // a field has an undo of its own
     event.preventDefault();
-    ask("undo", {}, Symbol("undo"));
+    each("undo");
   };
 
   // ---- controls
-  const refused = (text) => (text ? complain({ text }) : judge());
   for (const group of new Set(spec.controls.map((control) => control.group))) {
     const grid = make("div", "labkit-grid");
     for (const control of spec.controls.filter((one) => one.group === group)) {
-      const row = control.kind === "select" ? selectRow : sliderRow;
-      const made = (rows[control.key] = row(control, changed, refused));
-      for (const node of made.row.querySelectorAll("input")) node.key = control.key;
-      made.put(control.value);
+      const { row } = (rows[control.key] =
+        (control.kind === "select" ? selectRow : sliderRow)(control, changed, refuse));
       const unit = control.unit && `in ${control.unit}`;
-      made.row.title = [control.meaning, unit].filter(Boolean).join(", ");
-      grid.append(made.row);
+      row.title = [control.meaning, unit].filter(Boolean).join(", ");
+      grid.append(row);
     }
     side.append(make("fieldset", "labkit-group", make("legend", "", group), grid));
   }
   if (!side.firstChild) room.classList.add("labkit-bare");
-  const sync = (told, held = {}) => {
-    const other = (key) => key in told && !(key in held) && told[key] !== values[key];
-    const news = Object.keys(rows).filter(other);
-    for (const key of news) rows[key].put((values[key] = told[key]));
-    if (news.length) [tidy(), arrange()];
-  };
-  const arrange = () => {
-    const fixed = spec.fixed.includes(values.method);
-    for (const { key, only } of spec.controls) {
-      if (only) rows[key].row.hidden = (only === "fixed") !== fixed;
-    }
-  };
   const [bar, note, buttons] = [make("div", "labkit-bar"), live("labkit-note labkit-said"), {}];
-  const tell = (text) => {
-    say(note, text);
-    note.title = text;
-  };
-  const button = (key, text, title, action, where = bar) => {
-    if (spec.recorded && where === bar && !["play", "reset", "full"].includes(key)) return;
-    const node = Object.assign(make("button", "labkit-button", text), { type: "button", title });
-    node.addEventListener("click", action);
-    where.append((buttons[key] = node));
-    return node;
-  };
-  const lasting = (kind) => () => ask(kind, { on: !info[kind] });
+  const tell = (text) => Object.assign(note, { textContent: text, title: text });
   const mark = () => { // what the buttons say of the panel's state, whoever has changed it
     const home = info.axes.every((one) => one.home);
-    const state = [!info.hold, !info.large, !info.undo, !info.begun, home].join();
-    if (state === marked) return;
-    marked = state;
-    for (const kind of ["hold", "large"]) {
-      buttons[kind]?.setAttribute("aria-pressed", Boolean(info[kind]));
-    }
     const idle = { undo: !info.undo, clear: !info.begun, home };
-    for (const [key, off] of Object.entries(idle)) if (buttons[key]) buttons[key].disabled = off;
+    for (const [key, node] of Object.entries(buttons)) {
+      node.disabled = Boolean(idle[key]);
+      if (key === "hold" || key === "large") node.ariaPressed = Boolean(info[key]);
+    }
     el.classList.toggle("labkit-large", Boolean(info.large));
   };
   const reset = () => {
@@ -718,81 +591,58 @@ function render({ model, el }) {
     homes();
     set({}, true, { reset: true, home: true });
   };
-  const save = (blob, name) => {
-    const link = Object.assign(make("a"), { href: URL.createObjectURL(blob), download: name });
+  const save = (blob, download) => {
+    const link = make("a", { href: URL.createObjectURL(blob), download });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
   };
-  const copy = async () => {
-    try {
-      await navigator.clipboard.writeText(info.code);
-      tell(`copied: ${info.code}`);
-    } catch { // not allowed here: the text, ready for Ctrl-C
-      const text = attributes(make("input", "labkit-code"), { readonly: "", "aria-label": "code" });
-      text.value = info.code;
-      note.replaceChildren(text);
-      text.select();
-    }
+  const copy = () => {
+    tell(info.code);
+    getSelection().selectAllChildren(note); // where copying is not allowed it is ready for Ctrl-C
+    const { code } = info;
+    navigator.clipboard?.writeText(code).then(() => tell(`copied: ${code}`), () => {});
   };
-  const fill = () => (document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen());
-  if (Object.keys(spec.presets).length) {
-    const row = make("div", "labkit-bar labkit-presets", make("span", "labkit-note", "try"));
-    for (const [text, changes] of Object.entries(spec.presets)) {
-      const go = () => set(changes, true, { reset: true });
-      button(text, text, "sets the sliders to values of the notebook", go, row);
-    }
-    verdict.after(row);
+  const full = () =>
+    document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen();
+  const button = (title, text, onclick, name = "") =>
+    make("button", { className: "labkit-button", type: "button", title, name, onclick }, text);
+  const presets = Object.entries(spec.presets).map(([text, changes]) => button(
+    "sets the sliders to values of the notebook", text, () => set(changes, true, { reset: true })));
+  const words = make("span", "labkit-note", "try");
+  if (presets.length) verdict.after(make("div", "labkit-bar labkit-presets", words, ...presets));
+  const acts = {
+    play: toggle, undo: () => each("undo"), reset, home: homes, clear, full, code: copy,
+    hold: () => ask("hold", { on: !info.hold }), large: () => ask("large", { on: !info.large }),
+  };
+  for (const [key, text, title] of spec.buttons) {
+    if (key === "full" && !document.fullscreenEnabled) continue;
+    buttons[key] = button(title, text, acts[key] || (() => each("export", { what: key })), key);
+    bar.append(buttons[key]);
   }
-  if (time) button("play", "▶ Play", "lets the cursor run through the time (Space)", toggle);
-  const back = () => ask("undo", {}, Symbol("undo"));
-  button("undo", "Undo", "the settings before the last change (Ctrl-Z)", back);
-  button("reset", "Reset", "values, axes and cursor as at first", reset);
-  button("home", "Home", "the axes as they were before the zoom (0)", homes);
-  const ghost = "keeps the run on show as a grey ghost, to compare others with it";
-  if (time) button("hold", "Hold", ghost, lasting("hold"));
-  const away = "takes away the trajectories that clicks have started (Delete)";
-  if (spec.planes) button("clear", "Clear", away, () => ask("clear"));
-  button("large", "Classroom", "large letters, thick lines, axes that stay", lasting("large"));
-  if (document.fullscreenEnabled) button("full", "Full screen", "only this panel (Esc: back)", fill);
-  button("code", "Code", "copies these settings as a line of Python", copy);
-  const where = spec.download ? "into the browser's downloads" : "beside the notebook";
-  for (const what of ["csv", "npz", "png"]) {
-    const go = () => ask("export", { what }, Symbol(what));
-    button(what, `Save ${what.toUpperCase()}`, where, go);
-  }
-  const hints = spec.recorded ? make("div", "labkit-note", help)
-    : make("details", "labkit-note", make("summary", "", "mouse and keys"), help);
-  foot.append(bar, hints, note);
+  foot.append(bar, spec.recorded ? make("div", "labkit-note", spec.help)
+    : make("details", "labkit-note", make("summary", "", "mouse and keys"), spec.help), note);
 
-  window.addEventListener("keydown", keys, true);
-  const resized = new ResizeObserver((entries) => {
-    for (const { target, contentRect: { width } } of entries) {
-      if (target === canvas) {
-        if (Math.abs(width - wide) > 1) verdict.style.minHeight = "";
-        wide = width || wide;
-      } else if (!verdict.classList.contains("labkit-error")) {
-        verdict.style.minHeight = `${verdict.offsetHeight}px`; // a shorter sentence moves no slider
-      }
-    }
+  const resized = new ResizeObserver(([{ contentRect: { width } }]) => {
+    wide = width || wide;
     if (Math.abs(ratio() - sent) > 0.003) ask("ready"); // also when it first gets its place
   });
   resized.observe(canvas);
-  resized.observe(verdict);
-
-  arrange();
-  mark();
+  window.addEventListener("keydown", keys, true);
   const ended = (_, status) => (!status || /start|dead|terminating/.test(status)) && lose();
   for (const signal of ["statusChanged", "disposed"]) kernel?.[signal].connect(ended);
   model.on("msg:custom", answered);
-  bitmap(model.get("first"), { mime: "image/png", size: [canvas.width, canvas.height], seq: 0 });
+
+  adopt(Object.fromEntries(spec.controls.map(({ key, value }) => [key, value])));
+  mark();
+  const size = [canvas.width, canvas.height];
+  take({ ...info, mime: "image/png", size, seq: 0, view: me }, [model.get("first")]);
   ask("ready");
   return () => {
     model.off("msg:custom", answered);
     for (const signal of ["statusChanged", "disposed"]) kernel?.[signal].disconnect(ended);
     window.removeEventListener("keydown", keys, true);
     resized.disconnect();
-    cancelAnimationFrame(frame);
-    patience.forEach(clearTimeout);
+    calm();
     stop();
   };
 }

@@ -127,6 +127,8 @@ class Panel(anywidget.AnyWidget):
         self.stopped, self.words = self._judge(run)
         width, height = (float(CSS_DPI * inches) for inches in self.figure.get_size_inches())
         moves = bool(self.shows) or any(_moves(part) for part in views)
+        # Under Voilà the kernel's folder is not the reader's.
+        download = os.environ.get("SERVER_SOFTWARE", "").startswith("voila")
         super().__init__(
             first=self.png,
             spec={
@@ -140,13 +142,11 @@ class Panel(anywidget.AnyWidget):
                 "controls": [asdict(control) for control in controls],
                 "presets": self.presets,
                 "time": run.system.time,
-                "axes": len(self.figure.axes),
-                "planes": any(show.plane for show in self.shows),
                 "handles": [handle.meaning for handle in self.handles],
-                "clicks": any(handle.click for handle in self.handles),
                 "moves": moves,
-                # Under Voilà the kernel's folder is not the reader's.
-                "download": os.environ.get("SERVER_SOFTWARE", "").startswith("voila"),
+                "help": self._help(moves),
+                "buttons": self._buttons(moves, download),
+                "download": download,
             },
         )
         self.on_msg(self._receive)
@@ -196,6 +196,45 @@ class Panel(anywidget.AnyWidget):
         self._show(self.defaults)
         self._picture()
         self.scene.forget()  # nobody has seen this picture
+
+    def _help(self, moves: bool) -> str:
+        """What mouse, fingers and keys do here."""
+        planes, ring = any(show.plane for show in self.shows), bool(self.handles)
+        arrows = " or ".join(["cursor"] * moves + ["ring"] * ring)
+        said = {
+            "click in a plane: trajectory from there": planes,
+            "drag a ring": ring,
+            "click in a map: its values": any(handle.click for handle in self.handles),
+            "over a time plot: cursor; click: it stays; a finger sideways moves it": moves,
+            "drag: shifts the axes · wheel or two fingers: zoom · double click: back": True,
+            "+ − 0: zoom": True,
+            "a: next axes": len(self.figure.axes) > 1,
+            "Alt-arrows: shift · Ctrl-Z: undo": True,
+            f"arrow keys: {arrows}": arrows,
+            "Enter: which": moves and ring,
+            "Space: play": moves,
+            "n: start at the ring": planes and ring,
+            "Delete: clear": planes,
+        }
+        return " · ".join(words for words, does in said.items() if does)
+
+    def _buttons(self, moves: bool, download: bool) -> list[tuple[str, str, str]]:
+        """Each by what it does, its words and what it says under the mouse."""
+        ghost = "keeps the run on show as a grey ghost, to compare others with it"
+        away = "takes away the trajectories that clicks have started (Delete)"
+        where = "into the browser's downloads" if download else "beside the notebook"
+        return [
+            *[("play", "▶ Play", "lets the cursor run through the time (Space)")] * moves,
+            ("undo", "Undo", "the settings before the last change (Ctrl-Z)"),
+            ("reset", "Reset", "values, axes and cursor as at first"),
+            ("home", "Home", "the axes as they were before the zoom (0)"),
+            *[("hold", "Hold", ghost)] * moves,
+            *[("clear", "Clear", away)] * any(show.plane for show in self.shows),
+            ("large", "Classroom", "large letters, thick lines, axes that stay"),
+            ("full", "Full screen", "only this panel (Esc: back)"),
+            ("code", "Code", "copies these settings as a line of Python"),
+            *((what, f"Save {what.upper()}", where) for what in ("csv", "npz", "png")),
+        ]
 
     def _judge(self, run: Run) -> tuple[str, str]:
         """Why the run did not come to its end, and the verdict, which is on complete runs only."""

@@ -58,27 +58,29 @@ function kernel(tape, picture) {
     const same = there.find(([value]) => value === values[key]);
     return (same || near(there, values[key]))[1];
   };
-  const answer = ({ kind, view, seq, settled, ...more }) => {
+  const answer = ({ kind, view, seq, settled, ratio, ...more }) => {
     now = wanted({ kind, ...more });
     const frame = tape.frames[now];
     if (frame.error) return [{ kind: "error", text: frame.error, view, seq }, []];
+    const zoom = ratio / tape.ratio; // strokes are laid on the pixels that the page has
+    const size = frame.size.map((side) => Math.floor(side * zoom + 0.01));
+    const message = { ...NOTHING, ...frame, size, zoom, view, seq, settled };
     if (frame.mime) {
       background = "";
-      return [{ ...NOTHING, ...frame, view, seq, settled }, [tape.images[frame.bitmap]]];
+      return [message, [tape.images[frame.bitmap]]];
     }
     const names = frame.order.map(([name]) => name);
     const still = frame.order.filter(([name]) => name[0] === "s").join() + names;
     const all = kind === "ready" || still !== background;
     const news = frame.order.filter(([name, part]) => all || shown[name] !== part);
     [shown, background] = [Object.fromEntries(frame.order), still];
-    const parts = news.map(([name, part]) => [name, tape.parts[part]]);
-    const pixels = parts.flatMap(([, { ops }]) => ops.filter((op) => op.image))
+    const ops = Object.fromEntries(news.map(([name, part]) => [name, tape.parts[part].ops]));
+    const fresh = [...new Set(news.map(([, part]) => tape.parts[part]))].filter(
+      (part) => !part.sent && (part.sent = true)); // the page keeps what it has made of them
+    const pixels = fresh.flatMap((part) => part.ops.filter((op) => op.image))
       .map((op) => tape.images[op.bitmap]);
-    const floats = parts.map(([, part]) => new Uint8Array(part.floats.buffer));
-    const ops = Object.fromEntries(
-      parts.map(([name, part]) => [name, part.ops.map((op) => ({ ...op }))]));
-    const message = { ...frame, view, seq, settled, ops, order: all ? names : undefined };
-    return [{ ...NOTHING, ...message }, [joined(floats), joined(pixels)]];
+    const floats = fresh.map((part) => new Uint8Array(part.floats.buffer));
+    return [{ ...message, ops, order: all ? names : undefined }, [joined(floats), joined(pixels)]];
   };
   return {
     get: (name) => (name === "spec" ? tape.spec : picture),

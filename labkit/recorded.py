@@ -84,11 +84,11 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
     panel.scene.forget()  # nobody has seen these pictures
     spec = panel.spec | {
         "controls": [asdict(one) for one in controls],
-        "planes": False,
         "handles": [],
-        "clicks": False,
+        "buttons": [one for one in panel.spec["buttons"] if one[0] in ("play", "reset", "full")],
         "download": True,
-        "recorded": SAID,
+        "recorded": True,
+        "help": SAID,
     }
     head = {
         "spec": spec,

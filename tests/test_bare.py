@@ -298,6 +298,7 @@ def test_undo_home_reset_and_the_settings_as_code(browser, hands):
         page.keyboard.press("+")
         page.keyboard.press("ArrowRight")
         assert until(page, home.is_enabled) and until(page, lambda: hands.t is not None)
+        assert home.evaluate("node => getComputedStyle(node).boxShadow") != "none"  # one sees it
         push("Reset")
         assert until(page, lambda: hands.t is None and hands.values == hands.defaults)
         assert until(page, home.is_disabled)
@@ -318,7 +319,7 @@ def test_a_panel_that_cannot_reach_its_kernel_says_so_and_what_to_do(browser, ha
         lost.wait_for(timeout=1000)
         assert page.locator("input:enabled, select:enabled, button:enabled").count() == 0
         assert page.get_by_role("button", name="Play").inner_text() == "▶ Play"  # it does not run
-        assert page.locator(".labkit-lost canvas").count() == 1 and page.problems == []
+        assert page.locator("fieldset:disabled canvas").count() == 1 and page.problems == []
     with opened(browser, hands) as page:
         page.evaluate(
             "void (window.ask = () => new Promise(() => {}))"

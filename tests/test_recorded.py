@@ -1,6 +1,5 @@
 """Recorded panels: what they hold is what the panel shows, in Python and in a browser."""
 
-import base64
 import json
 import zlib
 
@@ -8,7 +7,9 @@ import numpy as np
 import pytest
 
 from labkit import Mode, Parameter, System, explore, figure, time_plot
-from labkit.recorded import NEW_STROKE, RATIO, record, script, style
+from labkit.recorded import NEW_STROKE, RATIO, record
+
+from .benchmarks.recorded import page_of
 
 
 @pytest.fixture(autouse=True)
@@ -137,14 +138,7 @@ def page(tmp_path_factory, browser):
         patch.delenv("LABKIT_CHECK", raising=False)  # one end of a slider is refused
         shown = panel()
     place = tmp_path_factory.mktemp("recorded") / "page.html"
-    tape, picture = (base64.b64encode(data).decode() for data in (record(shown), shown.png))
-    place.write_text(
-        f'<!doctype html><meta charset="utf-8"><style>{style()}</style>'
-        f'<div class="labkit-recording"><img src="data:image/png;base64,{picture}">'
-        f'<script type="application/octet-stream">{tape}</script></div>'
-        f"<script>{script()}</script>",
-        encoding="utf-8",
-    )
+    place.write_text(page_of(shown), encoding="utf-8")
     context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
     view = context.new_page()
     problems = []
@@ -170,6 +164,31 @@ def test_a_slider_moves_without_python(page):
     assert own.words in verdict(page)
     page.wait_for_timeout(100)
     assert page.evaluate("document.querySelector('canvas').toDataURL()") != before
+
+
+def test_a_picture_has_the_pixels_of_the_page_and_is_made_once(page):
+    """A recording is of two pixels to one, and pages show it smaller: most would be thrown away."""
+    canvas = page.locator("canvas")
+    size = "canvas => [canvas.width, canvas.clientWidth * devicePixelRatio]"
+    mine, shown = canvas.evaluate(size)
+    assert abs(mine - shown) <= 1
+    page.evaluate("""() => {
+        window.made = 0;
+        window.Path2D = class extends Path2D {
+            constructor(...all) {
+                super(...all);
+                window.made += 1;
+            }
+        };
+    }""")
+    made = []
+    for text in ("0.5", "2", "0.5", "2"):
+        before = canvas.get_attribute("data-seq")
+        page.get_by_label("value of ω").fill(text)
+        page.keyboard.press("Enter")
+        page.wait_for_function(f"document.querySelector('canvas').dataset.seq > {before}")
+        made.append(page.evaluate("made"))
+    assert 0 < made[1] == made[2] == made[3]
 
 
 def test_presets_reset_and_one_slider_at_a_time(page):

@@ -1,6 +1,7 @@
 """python -m tests.benchmarks [--quick] [problem …]: labkit beside other solvers.
 
-python -m tests.benchmarks latency: the live figure.
+python -m tests.benchmarks latency: the live figure. python -m tests.benchmarks recorded: one that
+plays in a page without Python.
 
 Writes tests/benchmarks/results.md and notebooks/images/benchmarks.png, whole runs only (no --quick,
 all problems). The other solvers: pip install ".[benchmarks]"; one that is missing is named and left
@@ -42,8 +43,8 @@ def say(text: str = "") -> None:
 
 
 def main() -> int:
-    if sys.argv[1:2] == ["latency"]:
-        return importlib.import_module(".latency", __package__).main()
+    if sys.argv[1:2] in (["latency"], ["recorded"]):
+        return importlib.import_module(f".{sys.argv[1]}", __package__).main()
     parser = argparse.ArgumentParser(
         prog="python -m tests.benchmarks", description=__doc__.splitlines()[0]
     )
