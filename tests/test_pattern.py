@@ -12,6 +12,7 @@ import pytest
 from .helpers import ASSIGNMENTS, CONCEPTS, read, source
 
 WIDTH = 100
+TALLEST = 30  # lines of a cell in sight: what a student sees at once
 # As much as a student reads in an evening: lines of code in sight, words of prose
 MOST = {name: (170, 1840) for name in ASSIGNMENTS} | {name: (290, 2530) for name in CONCEPTS}
 DRAWS = re.compile(r"\b(ax\w*|axes(\[\d\])?|sketch|plt|fig\w*|picture)\.\w+\(|\bax\.set\b")
@@ -76,6 +77,13 @@ def test_lines_fit_the_page(name):
     for place, text, _ in cells(name, "code"):
         for line in text.splitlines():
             assert len(line) <= WIDTH, f"cell {place}: {line}"
+
+
+def test_a_cell_is_seen_at_once(name):
+    tall = {
+        place: len(text.splitlines()) for place, text, folded in cells(name, "code") if not folded
+    }
+    assert max(tall.values()) <= TALLEST, tall
 
 
 def test_it_is_an_evenings_reading(name):
