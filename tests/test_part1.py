@@ -512,7 +512,7 @@ def test_07_a_decision_takes_the_logarithm_of_the_difference():
     assert np.sign(reflection((1.0, found["u2"])).S[0, 1]) == -1
     written = simulate(system, 20.0, start={"s1": 1.2, "s2": 1.2}, w=0.5)
     assert written.events[0].transition == "left high"  # the write line pushes the left output up
-    assert book["times"][-1] == pytest.approx(np.log(2.4 / (1 - 0.5 / 20_000)), abs=1e-6)
+    assert book["times"][-1] == pytest.approx(np.log(2.4 / (1 - 0.5 / 5_000)), abs=1e-6)
 
 
 @pytest.mark.skipif(8 not in NUMBERS, reason="not written")

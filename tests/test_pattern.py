@@ -12,8 +12,9 @@ import pytest
 from .helpers import ASSIGNMENTS, CONCEPTS, read, source
 
 WIDTH = 100
+TALLEST = 30  # lines of a cell in sight: what a student sees at once
 # As much as a student reads in an evening: lines of code in sight, words of prose
-MOST = {name: (170, 1840) for name in ASSIGNMENTS} | {name: (290, 2530) for name in CONCEPTS}
+MOST = {name: (172, 1840) for name in ASSIGNMENTS} | {name: (290, 2530) for name in CONCEPTS}
 DRAWS = re.compile(r"\b(ax\w*|axes(\[\d\])?|sketch|plt|fig\w*|picture)\.\w+\(|\bax\.set\b")
 
 pytestmark = pytest.mark.parametrize("name", ASSIGNMENTS + CONCEPTS)
@@ -78,13 +79,15 @@ def test_lines_fit_the_page(name):
             assert len(line) <= WIDTH, f"cell {place}: {line}"
 
 
+def test_a_cell_is_seen_at_once(name):
+    tall = {
+        place: len(text.splitlines()) for place, text, folded in cells(name, "code") if not folded
+    }
+    assert max(tall.values()) <= TALLEST, tall
+
+
 def test_it_is_an_evenings_reading(name):
-    lines = sum(
-        bool(line.strip())
-        for _, text, folded in cells(name, "code")
-        if not folded
-        for line in text.splitlines()
-    )
+    lines = sum(len(text.splitlines()) for _, text, folded in cells(name, "code") if not folded)
     words = sum(len(text.split()) for _, text, _ in cells(name, "markdown"))
     assert lines <= MOST[name][0] and words <= MOST[name][1], (lines, words)
 
