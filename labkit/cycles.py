@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from inspect import signature
 from typing import Any
 
-from .model import Function, ModelError, System, number, unambiguous
+from .arguments import asked, unambiguous
+from .model import Function, ModelError, System, number
 from .poincare import section
 from .run import Ended
 from .shooting import Cycle, Monodromy, linear, near
@@ -83,6 +84,7 @@ def periodic(
     return near(begun, where, first, second - first, options)
 
 
+@asked
 def monodromy(system: System, where: float | Function, **arguments: Any) -> Monodromy:
     """monodromy(system, pi, q=0.3) -> Monodromy: matrix, multipliers and stability over one period.
 
@@ -100,7 +102,7 @@ def monodromy(system: System, where: float | Function, **arguments: Any) -> Mono
         given |= {name: x for name, x in arguments.items() if name in given}
         begin = {name: given[name] for name in ("start", "mode", "t0")}
         options = {name: given[name] for name in ("rtol", "method")}
-        period = number(where, "the period")
+        period, begin["t0"] = number(where, "the period"), number(begin["t0"], "t0")
         if made := linear(system, period, **begin, options=options, p=p._asdict()):
             return made
     return periodic(system, where, **arguments).monodromy

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import asked
 from .model import Function, ModelError, System, listed, number
 from .run import Ended, Run
 from .solve import simulate, simulate_many
@@ -99,6 +100,7 @@ class Cycle:
     def stable(self) -> bool:
         return self.monodromy.stable
 
+    @asked
     def at(self, t: float | np.ndarray) -> dict[str, float | np.ndarray]:
         """cycle.at(0.3)["x"]: states, outputs and "mode" at any times, as run.at gives them."""
         return self.run.at(self.t0 + np.mod(np.asarray(t, dtype=float) - self.t0, self.period))

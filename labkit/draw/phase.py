@@ -16,7 +16,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from ..model import OPTIONS, ModelError, System, listed, unambiguous
+from ..arguments import unambiguous
+from ..model import OPTIONS, ModelError, System, listed
 from ..run import Run
 from ..runs import Runs
 from .figure import FAINT, head, style
