@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import asked
 from .formulas import (
     FUNCTIONS,
     integral,
@@ -115,6 +116,7 @@ KINDS = {
 }
 
 
+@asked
 def characteristic(kind: str, *, memory: bool = False, **names: str | float) -> Characteristic:
     """characteristic("saturation", K="p*L", a="L") -> Characteristic: one of KINDS.
 
@@ -147,6 +149,7 @@ def characteristic(kind: str, *, memory: bool = False, **names: str | float) -> 
 Points = Sequence[Sequence[float | str]]
 
 
+@asked
 def from_points(rising: Points, falling: Points | None = None, name: str = "") -> Characteristic:
     """from_points([(-1, -1), (0, -1), (0, 1), (2, 1)]) -> Characteristic through break points.
 
@@ -366,6 +369,7 @@ class Characteristic:
 
     # -- what theory makes of it -------------------------------------------------------------------
 
+    @asked
     def potential(self, x: object, p: object = ()) -> np.ndarray | float:
         """potential(x, p) -> ∫₀ˣ F dx, an array if x is one; as `describing`, to rounding.
 
@@ -386,6 +390,7 @@ class Characteristic:
         total = work[np.searchsorted(places, x)] - work[np.searchsorted(places, 0.0)]
         return total if total.shape else float(total)
 
+    @asked
     def describing(self, amplitude: float, p: object = ()) -> complex:
         """describing(A, p) -> N(A), the complex gain of the first harmonic for x = A sin θ.
 
@@ -422,6 +427,7 @@ class Characteristic:
 
     # -- the hybrid system -------------------------------------------------------------------------
 
+    @asked
     def modes(self, law: Law, states: tuple[str, ...] = ("x", "v")) -> dict[str, Any]:
         """System(…, **relay.modes(law)): modes, transitions, first mode; exact switching.
 
@@ -442,6 +448,7 @@ class Characteristic:
         made = build.with_memory() if self.memory else build.formula()
         return {"modes": made[0], "transitions": made[1], "mode": made[2]}
 
+    @asked
     def output(
         self,
         unit: str = "",
@@ -460,6 +467,7 @@ class Characteristic:
 
     # -- pictures ----------------------------------------------------------------------------------
 
+    @asked
     def curve(self, p: object, reach: float | None = None, way: int = 1) -> np.ndarray:
         """curve(p, 2.0) -> (k, 2) points (x, F) over −reach … reach in the direction of the motion.
 
@@ -482,6 +490,7 @@ class Characteristic:
         found = np.concatenate(points)
         return found if way > 0 else found[::-1]
 
+    @asked
     def symbol(self, p: object) -> np.ndarray:
         """symbol(p) -> (k, 2) in the square −1 … 1, for `Sketch.characteristic`."""
         found = np.concatenate([self.curve(p, way=way) for way, _ in self.branches])
@@ -491,6 +500,7 @@ class Characteristic:
         """formula() -> shows itself in a notebook: F in LaTeX, by pieces and branches."""
         return Formula(self)
 
+    @asked
     def picture(
         self, p: object, reach: float | None = None, *, axes: Any = None, unit: str = ""
     ) -> Any:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .arguments import asked
 from .model import ModelError, listed
 from .notebooks import ROOT, found
 from .run import write_whole
@@ -106,6 +107,7 @@ class Project:
         return f"<p><b>Project {self.number}</b></p>" + _table(head, rows) + note
 
 
+@asked
 def project(number: int) -> Project:
     """project(13) -> the three assignments of that project (the handbook's table 5.1).
 
@@ -127,6 +129,7 @@ def project(number: int) -> Project:
     return Project(n, tuple(names[(n - 1) % len(names)] for names in pick))  # type: ignore[arg-type]
 
 
+@asked
 def assignment(part: int, name: int | str) -> Assignment:
     """assignment(2, "1.b"), assignment(3, 6), assignment(1, "sample") -> Assignment.
 
@@ -251,6 +254,7 @@ def overview() -> str:
     return _table(("project", "part 1", "part 2", "part 3"), rows) + note
 
 
+@asked
 def choose(number: int = 1) -> None:
     """choose() shows a slider for the project number and that project's table under it.
 

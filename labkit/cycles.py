@@ -8,9 +8,11 @@ monodromy(system, 2 * pi, q=0.3).multipliers
 from __future__ import annotations
 
 from collections.abc import Mapping
+from inspect import signature
 from typing import Any
 
-from .model import Function, ModelError, System, listed, number
+from .arguments import asked, unambiguous
+from .model import Function, ModelError, System, number
 from .poincare import section
 from .run import Ended
 from .shooting import Cycle, Monodromy, linear, near
@@ -19,6 +21,7 @@ from .solve import simulate
 __all__ = ["Cycle", "Monodromy", "monodromy", "periodic"]
 
 
+@unambiguous
 def periodic(
     system: System,
     where: float | Function,
@@ -36,7 +39,7 @@ def periodic(
     """periodic(system, 2 * pi, k=0.3) or periodic(system, g, horizon=50.0) -> Cycle, by shooting.
 
     where      the period, of a system that the clock drives; or, where the period is unknown, a
-               section g(t, s, p) that the cycle crosses and that is no guard of the system
+               section g(t, s, p) that the cycle crosses
     direction  how it crosses the section: 1 rising, the default, or -1 falling
     horizon    how long to look for returns to the section
     start      from where to look; the cycle need not be stable, but then start near it
@@ -52,78 +55,57 @@ def periodic(
     where a neighbour of the cycle meets other events than it does.
     """
     options = {"rtol": rtol, "method": method}
-    own = {"direction": direction, "settle": settle}
-    if both := [n for n, what in own.items() if what is not None and n in system.parameters]:
-        raise ModelError(
-            f"{listed(both)} is an option of periodic and a parameter of {system.name!r}: bind the "
-            "parameter first, system.variant(name, …)"
-        )
     settle = 1 if settle is None else settle
     if not isinstance(settle, int) or settle < 0:
         raise ModelError(f"settle must be a whole number of at least 0, not {settle!r}")
-    p = dict(zip(system.parameters, system.values(parameters), strict=True))
     if not callable(where):
         period = number(where, "the period")
         if period <= 0:
             raise ModelError(f"the period must be positive, not {period:g}")
-        begin = simulate(
-            system, t0 + period * max(settle, 1), t0=t0, start=start, mode=mode, **options, **p
-        )
-        if begin.ended is not Ended.FINISHED:
-            raise ModelError(f"the first period ended early: {begin.stopped}")
-        row = -1 if settle else 0
-        here = begin.final if settle else begin.start
-        return near(
-            system, None, t0 + settle * period, here, str(begin.mode[row]), period, options, p
-        )
-    if horizon is None:
+        horizon = period * (settle + 1)
+    elif horizon is None:
         raise ModelError(
             "for a section say how long to look for returns to it, horizon=50.0; a known period "
             "is given instead of the section"
         )
-    begin = simulate(system, t0 + horizon, t0=t0, start=start, mode=mode, **options, **p)
-    points = section(begin, where, direction or 1)
+    begun = simulate(system, t0 + horizon, t0=t0, start=start, mode=mode, **options, **parameters)
+    if not callable(where):
+        if begun.ended is not Ended.FINISHED:
+            raise ModelError(f"the first periods ended early: {begun.stopped}")
+        return near(begun, None, t0 + settle * period, period, options)
+    points = section(begun, where, direction or 1)
     if len(points) < settle + 2:
         raise ModelError(
             f"within {horizon:g} {system.time} the run crosses the section {len(points)} times, "
             f"but {settle + 2} are needed: take a longer horizon, another start or direction "
-            f"({begin.stopped})"
+            f"({begun.stopped})"
         )
-    first, second = points.t[settle : settle + 2]
-    name = str(points["mode"][settle])
-    names = (*system.states_of(name), *system.held)
-    here = {key: float(points[key][settle]) for key in names}
-    return near(system, where, first, here, name, second - first, options, p)
+    first, second = points.t[settle : settle + 2].tolist()
+    return near(begun, where, first, second - first, options)
 
 
-def monodromy(
-    system: System,
-    where: float | Function,
-    *,
-    direction: int | None = None,
-    start: Mapping[str, float] | None = None,
-    mode: str | None = None,
-    t0: float = 0.0,
-    horizon: float | None = None,
-    settle: int | None = None,
-    rtol: float = 1e-12,
-    method: str = "DOP853",
-    **parameters: float,
-) -> Monodromy:
+@asked
+def monodromy(system: System, where: float | Function, **arguments: Any) -> Monodromy:
     """monodromy(system, pi, q=0.3) -> Monodromy: matrix, multipliers and stability over one period.
 
-    Of a linear system with periodic coefficients (modes that switch by the clock included) it is
-    exact to the tolerance, column by column from unit starts, about any solution (Floquet's
-    theory: Nayfeh and Mook, Nonlinear Oscillations, chapter 5). Of any other system it is that
-    about its cycle, which `periodic` finds with the same arguments.
+    Arguments as of `periodic`. Of a linear system with periodic coefficients (modes that switch by
+    the clock included) it is exact to the tolerance, column by column from unit starts, about any
+    solution (Floquet's theory: Nayfeh and Mook, Nonlinear Oscillations, chapter 5). Of any other
+    system it is that about its cycle, which `periodic` finds.
 
     Raises ModelError as periodic does.
     """
-    begin = {"start": start, "mode": mode, "t0": t0}
-    options: dict[str, Any] = {"rtol": rtol, "method": method}
     if not callable(where) and all(tr.guard is None for tr in system.transitions):
-        p = dict(zip(system.parameters, system.values(parameters), strict=True))
-        if made := linear(system, number(where, "the period"), **begin, options=options, p=p):
+        own = signature(periodic).parameters
+        given = {name: each.default for name, each in own.items() if each.kind is each.KEYWORD_ONLY}
+        p = system.values({name: x for name, x in arguments.items() if name not in given})
+        given |= {name: x for name, x in arguments.items() if name in given}
+        begin = {name: given[name] for name in ("start", "mode", "t0")}
+        options = {name: given[name] for name in ("rtol", "method")}
+        period, begin["t0"] = number(where, "the period"), number(begin["t0"], "t0")
+        if made := linear(system, period, **begin, options=options, p=p._asdict()):
             return made
-    look = {"direction": direction, "horizon": horizon, "settle": settle}
-    return periodic(system, where, **begin, **options, **look, **parameters).monodromy
+    return periodic(system, where, **arguments).monodromy
+
+
+monodromy.__signature__ = signature(periodic).replace(return_annotation="Monodromy")  # type: ignore[attr-defined]

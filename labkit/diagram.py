@@ -24,6 +24,7 @@ from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from .arguments import asked
 from .draw.figure import INK, VEIL, Figure, figure, mode_colors, style, tint, when_resized
 from .draw.view import View
 from .equations import Equations, check_system, equations
@@ -65,6 +66,7 @@ class _Arc:
         return -1 if self.target < self.source else 1
 
 
+@asked
 def mode_diagram(system: System, axes: Axes | None = None) -> Figure | View:
     """mode_diagram(system) -> figure: modes as boxes in their colours, transitions as arrows.
 

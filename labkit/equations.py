@@ -24,6 +24,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 from sympy.printing.latex import LatexPrinter
 
+from .arguments import asked
 from .model import At, Every, ModelError, System, Transition, listed
 from .show import latex_name, split_name
 from .table import Table
@@ -365,6 +366,7 @@ class Jacobian(sp.ImmutableDenseMatrix):
         return f"$\\displaystyle {self.equations.latex(sp.ImmutableDenseMatrix(self))}$"
 
 
+@asked
 def jacobian(system: System, mode: str | None = None) -> Jacobian:
     """jacobian(system, "slip") -> Jacobian: ∂(derivative i)/∂(state j) of a mode.
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .arguments import asked
 from .model import ModelError, System
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ def how(run: Run) -> dict[str, Any]:
     }
 
 
+@asked
 def repeated(system: System, path: str | os.PathLike) -> Run:
     """repeated(ball, "ball.csv") -> Run, as the file says that it was made.
 

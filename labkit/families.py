@@ -18,6 +18,7 @@ from math import atan2, cos, degrees, pi, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import asked
 from .linear import E, affine, borders, classify, equilibrium, finite
 from .model import Mode, ModelError, Parameter, System, listed
 from .run import Run
@@ -110,6 +111,7 @@ _WAYS = {
 }
 
 
+@asked
 def family(
     kind: str,
     by: str,
@@ -226,6 +228,7 @@ class Decomposition:
         return f"$${words} {A} = {' '.join(factors)}$$\n\n{self.form}"
 
 
+@asked
 def decomposition(Lambda: ArrayLike, similarity: Similarity) -> Decomposition:
     """decomposition(*parts(system.values())) -> A = S Λ S⁻¹ in numbers, with u, v, d or φ of S.
 
@@ -236,6 +239,7 @@ def decomposition(Lambda: ArrayLike, similarity: Similarity) -> Decomposition:
     return Decomposition(finite(Lambda, (2, 2), "Lambda"), S, inverse)
 
 
+@asked
 def describe(run: Run, parts: Parts) -> str:
     """describe(run, parts) -> "stable node at (0.4, 1.2); A = [[-0.5, 0], …]; S = E + u vᵀ, …".
 

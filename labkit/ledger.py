@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .arguments import asked
 from .model import ModelError, System, listed
 
 __all__ = ["Event", "Events", "Firings", "Touch"]
@@ -157,6 +158,7 @@ class Events(Sequence):
     def __len__(self) -> int:
         return len(self._rows)
 
+    @asked
     def __getitem__(self, index: int | slice | str) -> Event | list[Event] | Firings:
         return self._firings(index) if isinstance(index, str) else self._events[index]
 

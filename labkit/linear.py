@@ -19,6 +19,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import asked
 from .model import ModelError, System, listed
 from .run import Run
 from .table import Table
@@ -72,6 +73,7 @@ def _split(A: ArrayLike) -> tuple[float, float, float, float, float]:
 # ---- the type
 
 
+@asked
 def borders(A: ArrayLike) -> dict[str, float]:
     """borders(A)["tr A = 0"] -> how far A is from a border between types, relative to ‖A‖.
 
@@ -93,6 +95,7 @@ def _borders(a: float, q: float, r: float, gap: float) -> dict[str, float]:
     }
 
 
+@asked
 def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
     """classify([[-2, 1], [-1, -2]]) -> "stable spiral point": of dy/dt = A y, A 2 × 2.
 
@@ -127,6 +130,7 @@ def classify(A: ArrayLike, tolerance: float = 1e-9) -> str:
     return "centre" if near["tr A = 0"] else f"{stability} spiral point"
 
 
+@asked
 def eigenvalues(A: ArrayLike) -> tuple[complex, complex]:
     """eigenvalues(A) -> (λ1, λ2), larger real part first.
 
@@ -137,6 +141,7 @@ def eigenvalues(A: ArrayLike) -> tuple[complex, complex]:
     return size * (a + root), size * (a - root)
 
 
+@asked
 def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.ndarray]]:
     """eigenlines(A) -> [(λ, unit vector), …], largest λ first.
 
@@ -169,6 +174,7 @@ def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.nd
 # ---- equilibrium and exact solution
 
 
+@asked
 def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndarray:
     """equilibrium(A, b) -> s* = −A⁻¹ b, the only point where A s + b = 0.
 
@@ -198,6 +204,7 @@ def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndar
     return np.linalg.solve(A, -b) + 0.0  # never −0
 
 
+@asked
 def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndarray:
     """exact(A, b, (4, -2), t) -> s(t) = e^{At} s0 + (∫₀ᵗ e^{Aτ} dτ) b, shape (len(t), 2).
 
@@ -267,6 +274,7 @@ def _phi1_slope(z: np.ndarray) -> np.ndarray:
     return np.where(np.abs(z) < 1, series, (np.exp(safe) * (safe - 1) + 1) / safe**2)
 
 
+@asked
 def affine(
     system: System, p: tuple | None = None, at: Mapping[str, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -302,12 +310,14 @@ def affine(
     return A, b
 
 
+@asked
 def true_error(run: Run) -> np.ndarray:
     """true_error(run) -> (m,) distance of each sample from the exact state, of a linear model."""
     A, b = affine(run.system, run.p, run.start)
     return np.hypot(*(run.values[:, :2] - exact(A, b, run.values[0, :2], run.t - run.t[0])).T)
 
 
+@asked
 def error_table(
     system: System,
     horizon: float,

@@ -25,9 +25,9 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
-from inspect import signature
 from typing import Any
+
+from .arguments import asked, takes
 
 __all__ = [
     "At",
@@ -40,7 +40,6 @@ __all__ = [
     "System",
     "Transition",
     "OPTIONS",
-    "unambiguous",
 ]
 
 #: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
@@ -77,7 +76,7 @@ OPTIONS = frozenset(
 #: What a run and its files call their own columns; a state or an output may not be called so.
 COLUMNS = frozenset({"t", "j", "mode", "stopped", "file"})
 
-Function = Callable[..., object]
+Function = Callable[[float, Any, Any], object]  # of (t, s, p)
 Number = float | str | Callable[..., float]
 
 
@@ -89,34 +88,6 @@ class ModelError(ValueError):
 
 def listed(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
-
-
-def unambiguous(function: Callable) -> Callable:
-    """@unambiguous above a function of a System or a Run (or several, by name) and options.
-
-    A name that is both one of the options and a parameter of the system is refused when it is
-    given: one could not tell which is meant.
-    """
-    own = {
-        name
-        for name, each in signature(function).parameters.items()
-        if each.kind != each.VAR_KEYWORD
-    }
-
-    @wraps(function)
-    def checked(*given: Any, **named: Any) -> Any:
-        first = given[0] if given else next(iter(named.values()), None)
-        for one in first.values() if isinstance(first, Mapping) else (first,):
-            system = getattr(one, "system", one)
-            known = getattr(system, "parameters", ())
-            if clash := [name for name in named if name in own and name in known]:
-                raise ModelError(
-                    f"{listed(clash)} is an option of {function.__name__} and a parameter of "
-                    f"{system.name!r}: one cannot tell which is meant: rename the parameter"
-                )
-        return function(*given, **named)
-
-    return checked
 
 
 def number(value: object, what: str) -> float:
@@ -139,6 +110,8 @@ def _letters(name: object) -> object:
 
 def named(given: Mapping, what: str) -> dict:
     """A mapping with its names as Python reads them; ModelError where two become one."""
+    if not isinstance(given, Mapping):
+        raise ModelError(f"{what} must be a dict {{name: …}}, not {given!r:.60}")
     made = {_letters(key): value for key, value in given.items()}
     if len(made) < len(given):
         raise ModelError(
@@ -369,6 +342,7 @@ class System:
     value out of range…
     """
 
+    @asked
     def __init__(
         self,
         name: str,
@@ -413,9 +387,8 @@ class System:
                     "every run: give it another"
                 )
             functions = what.function if isinstance(what, Output) else what
-            if not isinstance(what, Output) or not all(
-                map(callable, functions.values() if isinstance(functions, Mapping) else [functions])
-            ):
+            each = functions.values() if isinstance(functions, Mapping) else [functions]
+            if not isinstance(what, Output) or not all(takes(one, 3) for one in each):
                 raise ModelError(
                     f"output {output!r} must be Output(function of (t, s, p), unit, meaning), "
                     f"not {what!r}"
@@ -429,6 +402,8 @@ class System:
             raise ModelError(
                 f"start mode {mode!r} is not a mode of {name!r}; there are {listed(self.modes)}"
             )
+        if callable(mode) and not takes(mode, 3):
+            raise ModelError(f"start mode of {name!r} must be a name or a function of (t, s, p)")
         self.mode = mode if mode is not None else next(iter(self.modes))
         if not isinstance(start or {}, Mapping):
             raise ModelError(
@@ -465,6 +440,7 @@ class System:
             for key in self.modes
         }
 
+    @asked
     def variant(
         self,
         name: str,
@@ -589,12 +565,14 @@ class System:
                 raise ModelError(f"modes of {self.name!r} must be Mode(name, flow), not {mode!r}")
             if mode.name in made:
                 raise ModelError(f"two modes are called {mode.name!r}: give each its own name")
-            if not callable(mode.flow):
+            if not takes(mode.flow, 3):
                 raise ModelError(
                     f"the flow of mode {mode.name!r} must be a function of (t, s, p), not "
                     f"{mode.flow!r}"
                 )
             if mode.states is not None:
+                if not mode.states:
+                    raise ModelError(f"mode {mode.name!r} has no states: leave states= out")
                 own = self._add_states(mode.states, f"mode {mode.name!r}")
                 mode = replace(mode, states=named(mode.states, f"mode {mode.name!r}"))
                 if clash := [key for key in own if key in self.parameters]:
@@ -624,17 +602,15 @@ class System:
                     f"held variable {key!r} has the name of a "
                     f"{'state' if key in self.units else 'parameter'}: give it another"
                 )
-            if not isinstance(what, Held):
-                if (
-                    not isinstance(what, tuple | list)
-                    or len(what) not in (2, 3)
-                    or not all(isinstance(word, str) for word in (what[0], *what[2:]))
-                ):
-                    raise ModelError(
-                        f"held variable {key!r} must be (unit, start value) or "
-                        f"(unit, start value, meaning), not {what!r}"
-                    )
-                what = Held(*what)
+            parts = what if isinstance(what, tuple | list) else ()
+            if isinstance(what, Held):
+                parts = (what.unit, what.start, what.meaning)
+            if len(parts) not in (2, 3) or not all(isinstance(w, str) for w in parts[::2]):
+                raise ModelError(
+                    f"held variable {key!r} must be (unit, start value) or "
+                    f"(unit, start value, meaning), not {what!r}"
+                )
+            what = Held(*parts)
             made[key] = replace(what, start=number(what.start, f"start of {key!r}"))
         for key, what in made.items():
             self.units[key], self.meanings[key] = what.unit, what.meaning
@@ -689,7 +665,9 @@ class System:
         return own | {name: self.width + place for place, name in enumerate(self.held)}
 
     def _check_transition(self, tr: Transition) -> Transition:
-        if not isinstance(tr, Transition) or not isinstance(tr.source, str | tuple | list):
+        sources = getattr(tr, "source", None)
+        sources = [sources] if isinstance(sources, str) else sources
+        if not isinstance(sources, tuple | list) or not all(isinstance(s, str) for s in sources):
             raise ModelError(
                 f"transitions of {self.name!r} must be Transition(source mode, target mode, "
                 f"…), not {tr!r}"
@@ -697,7 +675,7 @@ class System:
         what = f"transition {tr.name!r}"
         number(tr.priority, f"priority of {what}")
         for end in (*tr.sources, tr.target, tr.zeno):
-            if end is not None and end not in self.modes:
+            if end is not None and (not isinstance(end, str) or end not in self.modes):
                 raise ModelError(
                     f"{what} names the unknown mode {end!r}; there are {listed(self.modes)}"
                 )
@@ -707,10 +685,12 @@ class System:
             raise ModelError(
                 f"{what} needs either a guard (a function) or at= (a schedule), and not both"
             )
-        if tr.guard is not None and not callable(tr.guard):
+        if tr.guard is not None and not takes(tr.guard, 3):
             raise ModelError(
                 f"the guard of {what} must be a function of (t, s, p), not {tr.guard!r}"
             )
+        if tr.urgent not in (None, True, False):
+            raise ModelError(f"urgent of {what} is True, False or None, not {tr.urgent!r}")
         tr = self._check_reset(tr)
         if tr.direction not in (-1, 0, 1):
             raise ModelError(

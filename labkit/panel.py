@@ -35,6 +35,7 @@ import traitlets
 from matplotlib.text import Text
 from PIL import Image
 
+from .arguments import unambiguous
 from .controls import SETTINGS, Control, controls_of, rounded, symbol_and_index
 from .draw.figure import CSS_DPI, PNG_DPI, _palette_png, figure, style
 from .draw.overlay import Handle, Overlay
@@ -43,7 +44,7 @@ from .draw.view import Only, Together
 from .draw.view import View as Picture
 from .draw.words import described
 from .interrupt import hear_interrupts, interruptible
-from .model import ModelError, System, listed, number, unambiguous
+from .model import ModelError, System, listed, number
 from .recorded import MIME, record
 from .run import Ended, Run
 from .several import Merged, Several
@@ -620,8 +621,8 @@ def explore(
               mode_diagram(system, axes=…);
               left out: time plot and phase portrait
     sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states,
-              "t_end", "rtol", "step"; or a list: only these names get a slider. A range left out
-              comes from the Parameter or the default run
+              "t_end", "rtol", "step"; or a list: only these get a slider, in this order. A range
+              left out comes from the Parameter or the default run
     start     True: sliders for the initial state; False: none; {"x": 2.0}: that begin there
     method    True: method, tolerance or step, and end time can be chosen; False: not; "RK4":
               chosen, beginning with this one
@@ -743,8 +744,18 @@ def explore(
                 apart = f"by default {same.value:g}, in {label} {control.value:g}"
                 same.meaning = f"{same.meaning} ({apart})".strip()
     order = ("parameters", "start", "algorithm")
-    controls += sorted(made.values(), key=lambda control: order.index(control.group))
+    asked_for = [] if isinstance(sliders, Mapping | str | None) else list(sliders)
+    place = {name: k for k, name in enumerate(asked_for)}  # a list is an order, too
+
+    def standing(control: Control) -> tuple[int, int]:
+        name = control.key.rpartition(".")[2]
+        return order.index(control.group), place.get(name, len(place))
+
+    controls += sorted(made.values(), key=standing)
     view = (draw or (_together if several else _time_and_phase))(run)
+    parts = view if isinstance(view, tuple | list) else (view,)
+    if not parts or not all(hasattr(part, "figure") for part in parts):
+        raise ModelError(f"draw must return a View, or a list of them, not {view!r:.60}")
     view = Together(*view) if isinstance(view, tuple | list) else view
     for part in getattr(view, "views", (view,)):
         if not getattr(part, "ready", True):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from .arguments import asked
 from .model import Function, ModelError, listed, number
 from .run import Run, between
 
@@ -28,6 +29,7 @@ class Section:
     t: np.ndarray
     values: Mapping[str, np.ndarray]
 
+    @asked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.values:
             raise ModelError(f"there is no {name!r} on the section, only {listed(self.values)}")
@@ -40,6 +42,7 @@ class Section:
         return f"Section of {len(self)} points"
 
 
+@asked
 def section(
     run: Run, where: float | Function, direction: int = 0, since: float | None = None
 ) -> Section:

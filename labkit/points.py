@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .arguments import asked
 from .characteristics import Characteristic, Points, from_points
 from .draw import COLORS, Handle, View, curves, figure, time_plot
 from .model import ModelError, Parameter, System
@@ -26,6 +27,7 @@ __all__ = ["Movable", "movable"]
 ROOM = 0.5  # how far beyond the points, in parts of their width, a hand may drag them
 
 
+@asked
 def movable(rising: Points, falling: Points | None = None, name: str = "my curve") -> Movable:
     """movable([(-0.9, -1), (0.9, 1)]) -> Movable, a Characteristic through points that move.
 
@@ -78,6 +80,7 @@ class Movable(Characteristic):
             for room in [ROOM * (max(found) - min(found)) or 1.0]
         )
 
+    @asked
     def put_in(self, system: System, law: Law, unit: str = "") -> System:
         """mine.put_in(system, law, "N") -> a variant with this curve and its output F.
 
@@ -100,6 +103,7 @@ class Movable(Characteristic):
             outputs={"F": self.output(unit, law=law, states=states)},
         )
 
+    @asked
     def draw(self, *names: str) -> Callable[[Run], list[View]]:
         """explore(system, horizon, mine.draw("x", "F")): the curve with its points, and the run.
 

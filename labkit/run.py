@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from . import exports
+from .arguments import asked
 from .ledger import Event, Touch
 from .model import ModelError, System, listed
 
@@ -131,6 +132,7 @@ class Run:
         values = self.values[row].tolist()
         return {name: values[k] for name, k in self.system.places(self.mode[row]).items()}
 
+    @asked
     def __getitem__(self, name: str) -> np.ndarray:
         return column(
             self.system, self.p, name, self.t, self.mode_index, self.values, self.other, self.part
@@ -157,6 +159,7 @@ class Run:
     def _pieces(self) -> np.ndarray:
         return self.pieces if self.pieces is not None else self.again().pieces
 
+    @asked
     def at(self, t: float | np.ndarray, side: str = "after") -> dict[str, float | np.ndarray]:
         """run.at(3.2)["v"]: every state and output at one time or an array of times, and "mode".
 
@@ -223,6 +226,7 @@ class Run:
             **{n: self[n] for n in (*self.system.units, *self.system.outputs)},
         }
 
+    @asked
     def to_csv(self, path: str | os.PathLike) -> Path:
         """run.to_csv("ball.csv") -> path: UTF-8, a header with units, numbers to the last bit.
 
@@ -235,6 +239,7 @@ class Run:
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         return _write(path, exports.lines(heads, rows, exports.how(self)))
 
+    @asked
     def to_npz(self, path: str | os.PathLike) -> Path:
         """run.to_npz("ball.npz") -> path: columns, parameters, ledger and how, for `load_npz`.
 
@@ -396,6 +401,7 @@ def _write(path: str | os.PathLike, data: bytes) -> Path:
     return Path(path)
 
 
+@asked
 def load_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
     """load_npz("ball.npz")["y"]: what `Run.to_npz` wrote; also "p.…", "event.…", "stopped".
 

@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from .model import Function, ModelError, System
-from .run import Ended, Run, between
+from .arguments import asked
+from .model import Function, ModelError, System, listed, number
+from .run import Ended, Run
 from .solve import simulate, simulate_many
 
 __all__ = ["Cycle", "Monodromy", "linear", "near"]
@@ -21,7 +22,7 @@ __all__ = ["Cycle", "Monodromy", "linear", "near"]
 SHARES = (1e-4, 1e-5, 1e-6)  # steps of the differences, of the size of a state on the cycle
 LINEAR = 1e-8  # how far a map may be from an affine one to be called linear
 TURNS = 40  # the most steps of Newton's method
-GOAL = 1e-9  # how well a cycle closes, of the size of its states
+GOAL = 1e-9  # how well a cycle closes, and its last step of Newton's, of the size of its states
 REST = 1e-4  # of the size at the start: what is smaller has come to rest
 STILL = 1e-7  # of the size of a state: what moves less in a period does not move
 
@@ -30,7 +31,8 @@ STILL = 1e-7  # of the size of a state: what moves less in a period does not mov
 class Monodromy:
     """What becomes of small deviations in one period: after it they are matrix @ deviations.
 
-    names        of the states, then the held variables: rows and columns of the matrix
+    names        of rows and columns of the matrix: the states, then those held variables that
+                 events set from states (samples); one that toggles or counts has no neighbours
     matrix       (n, n) derivative of the state at t0 + period by the state at t0
     error        an estimate of the largest error of its entries
     multipliers  (n,) its eigenvalues, Floquet's multipliers, the largest first
@@ -98,6 +100,7 @@ class Cycle:
     def stable(self) -> bool:
         return self.monodromy.stable
 
+    @asked
     def at(self, t: float | np.ndarray) -> dict[str, float | np.ndarray]:
         """cycle.at(0.3)["x"]: states, outputs and "mode" at any times, as run.at gives them."""
         return self.run.at(self.t0 + np.mod(np.asarray(t, dtype=float) - self.t0, self.period))
@@ -114,12 +117,27 @@ class Flow:
     """Flow(system, t0, "flight", options, p): φ_T, from the state at t0 to that at t0 + T.
 
     In one mode at both ends; the vector x (n,) is its states, then the held variables.
+    moves    places in x of what has neighbours: the states, and the held variables that events set
+             from them, which the first derivative finds; the others keep their values
     """
 
     def __init__(self, system: System, t0: float, mode: str, options: dict, p: Mapping[str, float]):
         self.system, self.t0, self.mode = system, t0, mode
         self.options, self.p = options, p
         self.names = (*system.states_of(mode), *system.held)
+        self.count = len(system.states_of(mode))
+        self.moves = list(range(self.count))
+        self.values = system.values(p)
+
+    def slope(self, t: float, x: np.ndarray) -> np.ndarray:
+        """dx/dt, of held variables 0."""
+        mode, kind = self.system.modes[self.mode], self.system.S[self.mode]
+        slope = mode.flow(t, kind(*x.tolist()), self.values)
+        return np.append(np.array(slope, dtype=float), np.zeros(len(x) - self.count))
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        return tuple(self.names[k] for k in self.moves)
 
     def start(self, x: np.ndarray) -> dict[str, Any]:
         return dict(zip(self.names, x.tolist() if x.ndim == 1 else list(x), strict=True))
@@ -162,11 +180,18 @@ class Flow:
         events = [[(e.transition, e.target) for e in run.events] for run in runs]
         return np.array([self.end(run) for run in runs]), events
 
+    def joined(self, ends: np.ndarray) -> bool:
+        """Whether neighbours (k, n) end with different values of a held variable: it moves, too."""
+        more = [k for k in np.flatnonzero(np.ptp(ends, axis=0)) if k not in self.moves]
+        self.moves = sorted(self.moves + more)
+        return bool(more)
+
     def derivative(self, x: np.ndarray, T: float, size: np.ndarray) -> tuple[np.ndarray, float]:
         """Dφ by central differences with two steps and Richardson's extrapolation; its error."""
-        n, why = len(x), ""
+        why = ""
         for share in SHARES:
-            shift = np.diag(share * size)
+            places, n = self.moves, len(self.moves)
+            shift = np.diag(share * size)[places]
             starts = np.vstack([x[None], x + shift, x - shift, x + 2 * shift, x - 2 * shift])
             try:
                 ends, events = self.ends(starts, T)
@@ -176,54 +201,52 @@ class Flow:
             if any(each != events[0] for each in events[1:]):
                 why = "neighbours of the cycle have other events than it has (a touch of a guard?)"
                 continue
-            rows = ends[1:].reshape(4, n, n)
-            one = (rows[0] - rows[1]) / (2 * np.diag(shift))[:, None]
-            two = (rows[2] - rows[3]) / (4 * np.diag(shift))[:, None]
+            if self.joined(ends):
+                return self.derivative(x, T, size)
+            rows = ends[1:, places].reshape(4, n, n)
+            one = (rows[0] - rows[1]) / (2 * share * size[places])[:, None]
+            two = (rows[2] - rows[3]) / (4 * share * size[places])[:, None]
             noise = float(self.options["rtol"]) * 10 / share
             return ((4 * one - two) / 3).T, float(np.abs(one - two).max() / 3 + noise)
         raise ModelError(f"the map has no derivative there: {why}")
 
 
-def near(
-    system: System,
-    g: Function | None,
-    t0: float,
-    begin: Mapping[str, float],
-    mode: str,
-    period: float,
-    options: dict,
-    p: Mapping[str, float],
-) -> Cycle:
-    """near(…) -> the cycle near a start; g is the section, or None where the period is known.
+def near(begun: Run, g: Function | None, t0: float, period: float, options: dict) -> Cycle:
+    """near(run, g, t0, period, options) -> the cycle near one period of a run from t0 on.
 
-    Where neighbours cannot start, it begins in the middle of the longest flight of the cycle.
+    g is the section, or None where the period is known. Where neighbours cannot start, on a guard,
+    it begins in the middle of the longest flight, and the section is the plane across the flow.
     """
+    system, p = begun.system, begun.p._asdict()
+
+    def flow_at(when: float) -> tuple[Flow, np.ndarray]:
+        at = begun.at(when)
+        flow = Flow(system, when, str(at["mode"]), options, p)
+        return flow, np.array([float(at[name]) for name in flow.names])  # type: ignore[arg-type]
+
+    times = np.array([event.t for event in begun.events])
     try:
-        return _newton(Flow(system, t0, mode, options, p), g, begin, period)
-    except _Elsewhere as error:
-        if g is not None:
-            raise ModelError(f"{error}. A section must be no guard of the system") from None
-        run = Flow(system, t0, mode, options, p).run(np.array(list(begin.values())), period)
-        ends = np.unique([run.t[0], *(event.t for event in run.events), run.t[-1]])
+        if g is not None and np.any(np.abs(times - t0) <= GOAL * period):
+            raise _Elsewhere("the section is a guard")
+        flow, x = flow_at(t0)
+        kind = system.S[flow.mode]
+        beside = g and (lambda x: number(g(t0, kind(*x.tolist()), begun.p), "the section"))
+        return _newton(flow, beside, x, period)
+    except _Elsewhere:
+        inside = times[(times > t0) & (times < t0 + period)]
+        ends = np.array([t0, *inside, t0 + period])
         k = int(np.argmax(np.diff(ends)))
-        when = float(ends[k] + ends[k + 1]) / 2
-        at = run.at(when)
-        mode = str(at["mode"])
-        begin = {key: float(at[key]) for key in (*system.states_of(mode), *system.held)}  # type: ignore[arg-type]
-        return _newton(Flow(system, when, mode, options, p), None, begin, period)
+        flow, x = flow_at(float(ends[k] + ends[k + 1]) / 2)
+        across = flow.slope(flow.t0, x)
+        return _newton(flow, g and (lambda y: float(across @ (y - x))), x, period)
 
 
 class _Elsewhere(ModelError):
     """Neighbours cannot start here."""
 
 
-def _newton(flow: Flow, g: Function | None, begin: Mapping[str, float], period: float) -> Cycle:
-    x, T = np.array([begin[name] for name in flow.names]), period
-    kind = flow.system.S[flow.mode]
-    values = flow.system.values(flow.p)
-
-    def beside(x: np.ndarray) -> float:
-        return 0.0 if g is None else float(g(flow.t0, kind(*x.tolist()), values))  # type: ignore[arg-type]
+def _newton(flow: Flow, beside: Callable | None, x: np.ndarray, T: float) -> Cycle:
+    """The cycle from a start and a period near it; beside(x), if given, is 0 on the section."""
 
     def gap(x: np.ndarray, T: float) -> tuple[Run, np.ndarray]:
         run = flow.run(x, T)
@@ -233,29 +256,39 @@ def _newton(flow: Flow, g: Function | None, begin: Mapping[str, float], period: 
     first, worst = _sizes(run, flow), np.inf
     for _ in range(TURNS):
         size = np.clip(_sizes(run, flow), REST * first, first / REST)
-        worst = float(np.abs(miss / size).max())
         M, error = _neighbours(flow, x, T, size)
-        if worst <= GOAL:
-            break
-        slope = _slope(run, flow)
-        A, b = M - np.eye(len(x)), -miss
-        if g is not None:
-            steps = np.diag(1e-6 * size)
+        moves, n = flow.moves, len(flow.moves)
+        if left := [flow.names[k] for k in np.flatnonzero(miss) if k not in moves]:
+            raise ModelError(
+                f"what events do to the held variable(s) {listed(left)} does not return after one "
+                f"period of {T:.6g} {flow.system.time}: from {_words(run.start, left)} to "
+                f"{_words(run.final, left)}. Take a multiple of the period, or a variant without"
+            )
+        worst = float(np.abs(miss / size)[moves].max())
+        A, b = M - np.eye(n), -miss[moves]
+        if beside is not None:
+            steps = np.diag(1e-6 * size)[moves]
             normal = [(beside(x + h) - beside(x - h)) / (2 * h.max()) for h in steps]
+            slope = flow.slope(flow.t0 + T, x + miss)[moves]
             A = np.block([[A, slope[:, None]], [np.array([*normal, 0.0])]])
             b = np.append(b, -beside(x))
-        scale = np.append(size, T)[: len(b)]
-        step = scale * np.linalg.lstsq(A * scale, b, rcond=1e-11)[0]
-        for share in 0.5 ** np.arange(12):
-            x_new, T_new = x + share * step[: len(x)], T + (share * step[-1] if g else 0.0)
+        scale = np.append(size[moves], T)[: len(b)]
+        step = np.linalg.lstsq(A * scale, b, rcond=1e-11)[0]
+        last = np.abs(step).max() <= GOAL
+        for share in 0.5 ** np.arange(1 if last else 12):
+            x_new, T_new = x.copy(), T
+            x_new[moves] += (share * scale * step)[:n]
+            T_new += share * T * step[-1] if beside else 0.0
             try:
                 run_new, miss_new = gap(x_new, T_new) if T_new > 0 else (run, miss)
             except ModelError:
                 continue
-            if np.abs(miss_new / size).max() < worst:
-                x, T, run, miss = x_new, T_new, run_new, miss_new
+            if (found := np.abs(miss_new / size)[moves].max()) < worst:
+                x, T, run, miss, worst = x_new, T_new, run_new, miss_new, float(found)
                 break
         else:
+            break
+        if last:
             break
     if worst > max(GOAL, 1e3 * float(flow.options["rtol"])):
         raise ModelError(
@@ -268,21 +301,22 @@ def _newton(flow: Flow, g: Function | None, begin: Mapping[str, float], period: 
     still = np.array([np.ptp(run[name]) for name in flow.names]) <= STILL * np.maximum(
         sizes, REST * first
     )
-    if np.all(still) or (g is not None and np.all(sizes <= REST * first)):
-        raise ModelError(f"what was found is at rest, not a cycle: {_words(run)}")
-    if g is not None:
+    if np.all(still) or (beside and np.all((sizes <= REST * first)[moves])):
+        said = _words(run.final, flow.names)
+        raise ModelError(f"what was found is at rest, not a cycle: {said}")
+    if beside is not None:
         again = flow.run(x, 2 * T)
         if again.ended is not Ended.FINISHED or np.abs((flow.end(again) - x) / size).max() > 1e-5:
             raise ModelError(
                 "the state returns once but not again: the clock drives this system, so give its "
                 "period instead of a section"
             )
-    slope = _slope(run, flow)
+    slope, size = flow.slope(flow.t0 + T, x + miss)[moves], size[moves]
     trivial = bool(
         np.any(slope)
         and np.linalg.norm((M @ slope - slope) / size) <= (1e-4 * np.linalg.norm(slope / size))
     )
-    made = Monodromy(flow.names, M, error, float(T), trivial)
+    made = Monodromy(flow.moving, M, error, float(T), trivial)
     return Cycle(float(T), run, flow.mode, worst, made)
 
 
@@ -296,20 +330,11 @@ def _neighbours(flow: Flow, x: np.ndarray, T: float, size: np.ndarray) -> tuple[
 def _sizes(run: Run, flow: Flow) -> np.ndarray:
     """How large each state becomes; of one that stays zero, the largest of them."""
     found = [np.nanmax(np.abs(run[name])) for name in flow.names]
-    return np.array([size or max(found) or 1.0 for size in found])
+    return np.array([size or max(found[: flow.count]) or 1.0 for size in found])
 
 
-def _slope(run: Run, flow: Flow) -> np.ndarray:
-    """dx/dt at the end, of held variables 0."""
-    places = list(flow.system.places(flow.mode).values())
-    piece = run._pieces[-1:]
-    theta = (run.t[-1] - piece[:, 0]) / piece[:, 1]
-    _, slope = between(piece, theta, flow.system.width, len(flow.system.held))
-    return np.append(slope[0], np.zeros(len(flow.system.held)))[places]
-
-
-def _words(run: Run) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in run.final.items())
+def _words(values: Mapping[str, float], names: Iterable[str]) -> str:
+    return ", ".join(f"{name} = {values[name]:.6g}" for name in names)
 
 
 def linear(
@@ -326,13 +351,23 @@ def linear(
     try:
         run = simulate(system, t0 + T, t0=t0, start=start, mode=mode, **options, **p)
         flow = Flow(system, t0, str(run.mode[0]), options, p)
-        n = len(flow.names)
         size = np.array([10 * np.nanmax(np.abs(run[name])) or 1.0 for name in flow.names])
-        mixed = size * np.cos(1.0 + np.arange(n))
-        units = np.diag(size)
-        ends, _ = flow.ends(np.vstack([np.zeros(n), units, -units, mixed]), T)
+        x = np.array([run.start[name] for name in flow.names])
+        while True:
+            moves, n = flow.moves, len(flow.moves)
+            x[moves] = 0.0
+            units, mixed = np.diag(size[moves]), size[moves] * np.cos(1.0 + np.arange(n))
+            starts = np.tile(x, (2 * n + 2, 1))
+            starts[1:, moves] = np.vstack([units, -units, mixed])
+            ends, _ = flow.ends(starts, T)
+            if not flow.joined(ends):
+                break
     except ModelError:
         return None
+    kept = [k for k in range(len(x)) if k not in moves]
+    if np.any(ends[:, kept] != x[kept]):
+        return None  # periodic says what does not return
+    ends, size = ends[:, moves], size[moves]
     rest, up, down, last = ends[0], ends[1 : n + 1], ends[n + 1 : 2 * n + 1], ends[-1]
     M = ((up - down) / (2 * size[:, None])).T
     largest = np.abs(ends).max(axis=0) + 1e-300
@@ -340,4 +375,4 @@ def linear(
     if not np.isfinite(ends).all() or bent.max() > LINEAR:
         return None
     error = (np.abs(up + down - 2 * rest).max(axis=0) / size.min()).max()
-    return Monodromy(flow.names, M, float(error) + float(options["rtol"]), float(T))
+    return Monodromy(flow.moving, M, float(error) + float(options["rtol"]), float(T))

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import asked
 from .linear import E, borders, classify, eigenvalues, equilibrium, finite
 from .model import ModelError, listed, number
 
@@ -43,6 +44,7 @@ _NEEDS = {
 }
 
 
+@asked
 def canonical(kind: str, *numbers: float) -> np.ndarray:
     """canonical("stable node", -1, -3) -> Λ = diag(−1, −3).
 
@@ -109,6 +111,7 @@ class Similarity(NamedTuple):
     inverse: np.ndarray
 
 
+@asked
 def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
     """matrix_a(u=(0, 1), v=(2, 0)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ, a shear along u.
 
@@ -124,6 +127,7 @@ def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
     return Similarity(E + np.outer(u, v), E - np.outer(u, v))
 
 
+@asked
 def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
     """matrix_b(u=(1, 0), v=(2, 1)) -> S = E + u vᵀ and S⁻¹ = E − u vᵀ/(1 + d), d = (u, v).
 
@@ -140,6 +144,7 @@ def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
     return Similarity(E + np.outer(u, v), E - np.outer(u, v) / (1 + d))
 
 
+@asked
 def reflection(u: ArrayLike) -> Similarity:
     """reflection(u=(1, -1)) -> S = S⁻¹ = E − γ u uᵀ, γ = 2/(uᵀu), Householder's.
 
@@ -153,6 +158,7 @@ def reflection(u: ArrayLike) -> Similarity:
     return Similarity(H, H)
 
 
+@asked
 def rotation(phi: float) -> Similarity:
     """rotation(np.pi/6) -> S = [[cos φ, −sin φ], [sin φ, cos φ]], Givens', and S⁻¹ = Sᵀ.
 
@@ -163,6 +169,7 @@ def rotation(phi: float) -> Similarity:
     return Similarity(G, G.T)
 
 
+@asked
 def design(
     Lambda: ArrayLike, similarity: Similarity, at: ArrayLike = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -200,6 +207,7 @@ class Review:
         )
 
 
+@asked
 def check_design(
     A: ArrayLike,
     b: ArrayLike,

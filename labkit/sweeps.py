@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import asked
 from .exports import frame, lines
 from .model import ModelError, System, listed
 from .portions import Lane, Measure, Task, portions
@@ -73,11 +74,13 @@ class Sweep:
             found[place] = True
         return found
 
+    @asked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.results:
             raise ModelError(f"the sweep has no result {name!r}; it has {listed(self.results)}")
         return self.results[name]
 
+    @asked
     def picture(self, x: str | None = None, y: str | None = None, **look: Any) -> Any:
         """m.picture("d", "R", contour=[30, 40], title="Mean output") -> figure.
 
@@ -100,6 +103,7 @@ class Sweep:
 
         return picture(self, x, y, **look)
 
+    @asked
     def to_csv(self, path: str | os.PathLike) -> Path:
         """m.to_csv("map.csv") -> path: a line for each run: axes, results, reason.
 
@@ -133,6 +137,7 @@ class Sweep:
         return f"Sweep of {self.system.name!r}: {grid}{lost}"
 
 
+@asked
 def sweep(
     system: System,
     horizon: float,
@@ -165,6 +170,8 @@ def sweep(
     ends the sweep and keeps what there is. Raises ModelError for bad input, for a name that is both
     an option and a state, and when no run at all gave a result.
     """
+    if not callable(measure):
+        raise TypeError("measure")  # @asked says it
     axes, fixed, options, start = _sorted(system, names, start or {})
     shape = tuple(map(len, axes.values()))
     total = int(np.prod(shape))
@@ -233,7 +240,11 @@ def _sorted(
                 f"{name!r} is neither a parameter nor a state of {system.name!r}, nor an option of "
                 f"simulate_many; there are {listed(known)}"
             )
-        is_axis = np.ndim(what) > 0 and (not option or name in CHOICES)  # type: ignore[arg-type]
+        try:
+            many = np.ndim(what) > 0  # type: ignore[arg-type]
+        except ValueError:  # rows of different lengths
+            raise ModelError(f"{name!r} must be numbers in one row, not {what!r:.60}") from None
+        is_axis = many and (not option or name in CHOICES)
         if is_axis and not isinstance(what, Mapping):
             axes[name] = _axis(system, name, what)
         elif option:

@@ -56,6 +56,8 @@ class Builder:
         return python(text, {})
 
     def _name(self, way: int, place: int) -> str:
+        if self.made.memory:
+            return f"F = {self.made.rising.pieces[place]}"
         branch = self.made.rising if way > 0 else self.made.falling
         region = branch.region(place, self.x)
         if not self.made.hysteresis:
@@ -100,6 +102,12 @@ class Builder:
             label=f"{'up' if up else 'down'} through {branch.edges[k]}",
             **more,
         )
+
+    def _crossings(self, way: int) -> list[Transition]:
+        """Over all break points of a branch, the way that it is gone."""
+        count = len((self.made.rising if way > 0 else self.made.falling).edges)
+        places = [(k, k + 1)[::way] for k in range(count)]
+        return [self._crossing(way, k, *pair) for k, pair in enumerate(places)]
 
     def _one_branch(self) -> tuple[list[Mode], list[Transition], Callable]:
         branch, jumps = self.made.rising, self._jumps()
@@ -158,9 +166,7 @@ class Builder:
                 names.append(self._name(way, k))
                 flow = self._made(self.rates[way][k])
                 modes.append(Mode(names[-1], flow, meaning=f"F = {branch.pieces[k]}"))
-            for k in range(count - 1):
-                one, two = (k, k + 1) if way > 0 else (k + 1, k)
-                transitions.append(self._crossing(way, k, one, two))
+            transitions += self._crossings(way)
             transitions.append(
                 Transition(
                     tuple(names),
@@ -215,24 +221,11 @@ class Builder:
 
     def with_memory(self) -> tuple[list[Mode], list[Transition], Callable]:
         """The output changes at the break points only: modes are its values."""
-        pieces = self.made.rising.pieces
-        names = [f"F = {piece}" for piece in pieces]
+        names = [self._name(1, k) for k in range(len(self.made.rising.pieces))]
         modes = [
             Mode(name, self._made(text)) for name, text in zip(names, self.rates[1], strict=True)
         ]
-        transitions = []
-        for way, branch in self.made.branches:
-            for k, edge in enumerate(branch.edges):
-                one, two = (k, k + 1) if way > 0 else (k + 1, k)
-                transitions.append(
-                    Transition(
-                        names[one],
-                        names[two],
-                        guard=self._made(f"s.{self.x} - ({self._edge(edge)})"),
-                        direction=way,
-                        label=f"{'up' if way > 0 else 'down'} through {edge}",
-                    )
-                )
+        transitions = [*self._crossings(1), *self._crossings(-1)]
 
         def first(t: float, s: Any, p: Any) -> str:
             self.made.check(p)
@@ -247,7 +240,8 @@ class Builder:
         """Name of a mode -> its F."""
         made, value = self.made, self._value
         if made.memory:
-            return {f"F = {piece}": self._made(value(piece)) for piece in made.rising.pieces}
+            pieces = made.rising.pieces
+            return {self._name(1, k): self._made(value(what)) for k, what in enumerate(pieces)}
         found = {
             self._name(way, k): self._made(value(piece))
             for way, branch in made.branches

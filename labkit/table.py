@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 
+from .arguments import asked
 from .model import ModelError
 
 __all__ = ["Table", "prefixed"]
@@ -125,6 +126,9 @@ class Table:
             for row in cells
         ]
         return "\n".join([self.caption, *lines] if self.caption else lines)
+
+
+Table.__init__ = asked(Table.__init__)  # type: ignore[method-assign]
 
 
 def prefixed(size: float, unit: str) -> tuple[float, str]:

@@ -239,6 +239,81 @@ def test_modes_that_switch_by_the_clock_are_linear_too():
     np.testing.assert_allclose(cycle.matrix, made.matrix, atol=1e-7)
 
 
+# ---- held variables: what toggles has no neighbours, what is sampled has
+
+
+TOGGLES = {
+    "sign": lambda t, s, p: -s.q,
+    "equality": lambda t, s, p: -1.0 if s.q == 1.0 else 1.0,
+    "threshold": lambda t, s, p: 1.0 if s.q < 1.0 else -1.0,
+}
+
+
+@pytest.mark.parametrize("toggle", TOGGLES.values(), ids=TOGGLES)
+@pytest.mark.parametrize("q", [1.0, -1.0])
+def test_a_held_variable_that_toggles_is_no_direction_of_the_matrix(toggle, q):
+    """Meissner's equation with the stiffness held: the product of two matrix exponentials."""
+    hill = System(
+        "Meissner, held",
+        {"x": "", "v": ""},
+        {},
+        [Mode("m", lambda t, s, p: (s.v, -(1.3 + 0.4 * s.q) * s.x - 0.1 * s.v + 0.7))],
+        [Transition("m", "m", at=Every(1.0), reset={"q": toggle})],
+        start={"x": 1.0, "v": 0.0},
+        held={"q": ("", q)},
+    )
+    first, second = (np.array([[0, 1], [-1.3 - 0.4 * k, -0.1]]) for k in (q, -q))
+    made, cycle = monodromy(hill, 2.0), periodic(hill, 2.0, settle=2)
+    np.testing.assert_allclose(made.matrix, expm(second) @ expm(first), atol=1e-11)
+    np.testing.assert_allclose(cycle.matrix, made.matrix, atol=1e-7)
+    assert made.names == ("x", "v") == cycle.monodromy.names and cycle.start["q"] == q
+    with pytest.raises(ModelError, match="held variable.* 'q' does not return after one period"):
+        periodic(hill, 1.0)
+
+
+@pytest.mark.parametrize("nonlinear", [0.0, 1.0])
+def test_a_sampled_controller_s_held_variable_is_a_state_of_its_own(nonlinear):
+    """u = −K(x + c x³) of the last tick: over a period x' = e x + w u, u' = −K(1 + 3c x'²)x'."""
+    a, K, w0 = 0.5, 0.9, math.exp(0.5)
+    sampled = System(
+        "sampled",
+        {"x": ""},
+        {"c": nonlinear},
+        [Mode("m", lambda t, s, p: (0.5 * s.x + s.u + math.sin(2 * math.pi * t),))],
+        [
+            Transition(
+                "m", "m", at=Every(1.0), reset={"u": lambda t, s, p: -0.9 * (s.x + p.c * s.x**3)}
+            )
+        ],
+        start={"x": 0.1},
+        held={"u": ("", 0.0)},
+    )
+    cycle = periodic(sampled, 1.0, settle=5)
+    w, slope = (w0 - 1) / a, -K * (1 + 3 * nonlinear * cycle.start["x"] ** 2)
+    exact = np.array([[w0, w], [slope * w0, slope * w]])
+    np.testing.assert_allclose(cycle.matrix, exact, atol=2e-7)
+    assert cycle.monodromy.names == ("x", "u")
+    if not nonlinear:
+        np.testing.assert_allclose(monodromy(sampled, 1.0).matrix, exact, atol=1e-11)
+    assert len(cycle.multipliers) == 2 and cycle.multipliers[1] == pytest.approx(0, abs=1e-6)
+    assert cycle.multipliers[0] == pytest.approx(w0 + slope * w, abs=1e-6)
+
+
+def test_a_count_does_not_return():
+    counted = System(
+        "counted",
+        {"x": ""},
+        {},
+        [Mode("m", lambda t, s, p: (-s.x,))],
+        [Transition("m", "m", at=Every(1.0), reset={"x": 1.0, "n": lambda t, s, p: s.n + 1})],
+        start={"x": 1.0},
+        held={"n": ("", 0.0)},
+    )
+    for call in (periodic, monodromy):
+        with pytest.raises(ModelError, match="'n' does not return .* from n = 1 to n = 2"):
+            call(counted, 1.0)
+
+
 # ---- cycles
 
 
@@ -299,14 +374,41 @@ relay = System(
 )
 
 
-def test_a_relay_s_cycle_has_the_multipliers_of_its_saltation_matrices():
-    cycle = periodic(relay, at_zero, horizon=60.0, settle=6)
+held_relay = System(
+    "relay, held",
+    {"x": "", "z": ""},
+    {"a": 0.3, "T": 0.5},
+    [Mode("up", lambda t, s, p: (-s.x + s.u, (s.x - s.z) / p.T))],
+    [
+        Transition(
+            "up",
+            "up",
+            lambda t, s, p: s.z * (1 if s.u == 1 else -1) - p.a,
+            1,
+            reset={"u": lambda t, s, p: -1.0 if s.u == 1 else 1.0},
+        )
+    ],
+    start={"x": 0.0, "z": 0.0},
+    held={"u": ("", 1.0)},
+)
+SECTIONS = {
+    "x": (at_zero, 1),
+    "the guard": (lambda t, s, p: s.z - p.a, 1),
+    "the other guard": (lambda t, s, p: s.z + p.a, -1),
+}
+
+
+@pytest.mark.parametrize("system", [relay, held_relay], ids=lambda system: system.name)
+@pytest.mark.parametrize(("where", "direction"), SECTIONS.values(), ids=SECTIONS)
+def test_a_relay_s_cycle_has_the_multipliers_of_its_saltation_matrices(system, where, direction):
+    cycle = periodic(system, where, direction=direction, horizon=30.0, settle=6)
     run, A = cycle.run, np.array([[-1.0, 0], [2.0, -2.0]])
-    assert len(run.events) == 2 and cycle.mode == "up"
+    assert len(run.events) == 2 and (cycle.mode == "up" or where is not at_zero)
+    assert cycle.period == pytest.approx(2.6881999899, abs=1e-9)
     M, last = np.eye(2), cycle.t0
     for event in run.events:
         x, z = event.before["x"], event.before["z"]
-        sign = 1.0 if event.source == "up" else -1.0
+        sign = math.copysign(1.0, z)  # it falls from +a, and rises from −a
         before, after = np.array([-x + sign, 2 * (x - z)]), np.array([-x - sign, 2 * (x - z)])
         normal = np.array([0.0, 1.0])
         S = np.eye(2) + np.outer(after - before, normal) / (normal @ before)
@@ -388,6 +490,16 @@ def test_a_ball_on_a_shaking_table():
     assert np.linalg.det(cycle.matrix) == pytest.approx(e**2, abs=1e-6)
     assert cycle.stable and not cycle.monodromy.trivial
     np.testing.assert_allclose(np.abs(cycle.multipliers), e, atol=1e-6)
+
+
+def test_a_slow_multiplier_costs_no_accuracy():
+    """A deviation e^(−0.005) as large after a period: a cycle that closes to 1e-9 is 2e-7 off."""
+    slow = plain("slow", lambda t, s, p: (1 - 0.005 * s.x + math.sin(2 * math.pi * t),), {"x": 0.0})
+    w = 2 * math.pi
+    exact = 200 - w / (w**2 + 0.005**2)  # of the sine: (0.005 sin wt − w cos wt)/(w² + 0.005²)
+    for start in (0.0, 190.0, 199.9):
+        cycle = periodic(slow, 1.0, start={"x": start})
+        assert cycle.start["x"] == pytest.approx(exact, abs=2e-9)
 
 
 def test_a_tank_that_fills_by_the_clock_and_empties_by_its_level():

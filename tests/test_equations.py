@@ -23,6 +23,8 @@ from labkit.model import At, Every, Mode, ModelError, Output, Parameter, System,
 from labkit.show import latex_name
 from labkit.table import Table
 
+from .systems import stick_slip
+
 HERE = Path(__file__).resolve().parent.parent
 RATIO = 1.7
 POINTS = (-1.0, 0.0, 0.5, 2.0)
@@ -221,35 +223,19 @@ def friction():
             return p.Fc + (p.Fs - p.Fc) * (1 - V / p.V0) ** 2
         return p.Fc
 
-    return System(
+    return stick_slip().variant(
         "dry friction",
-        states={"x": ("m", "spring"), "V": "m/s"},
+        states={"x": ("m", "spring")},
         parameters={
             "m": Parameter(1.0, "kg", "mass", 0.1, 5.0),
             "k": Parameter(2.0, "N/m", low=0.0),
-            "Vp": 2.0,
-            "Fs": 5.88,
-            "Fc": 4.0,
             "V0": Parameter(1.0, symbol=r"\hat V"),
         },
-        modes=[Mode("stick", lambda t, s, p: (p.Vp, 0.0), meaning="at rest"), Mode("slip", slip)],
-        transitions=[
-            Transition(
-                "stick",
-                "slip",
-                guard=lambda t, s, p: p.k * s.x - p.Fs,
-                direction=1,
-                label="breaks loose",
-            ),
-            Transition(
-                "slip",
-                "stick",
-                guard=lambda t, s, p: s.V,
-                direction=-1,
-                reset=lambda t, s, p: (s.x, 0.0),
-            ),
-        ],
-        start={"x": 0.0, "V": 0.0},
+        modes={
+            "stick": Mode("stick", lambda t, s, p: (p.Vp, 0.0), meaning="at rest"),
+            "slip": slip,
+        },
+        transitions={"break loose": {"label": "breaks loose"}, "stick again": {"label": ""}},
         outputs={"F": Output({"slip": lambda t, s, p: F(s.V, p)}, "N")},
     )
 

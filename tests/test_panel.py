@@ -144,6 +144,9 @@ def test_which_sliders_and_ranges():
     assert keys(sliders={"delta": (0.1, 0.5), "x": False})["p.delta"] == (0.1, 0.5)
     assert "start.x" not in keys(sliders={"delta": (0.1, 0.5), "x": False})
     assert list(keys(sliders=["delta"], method=False)) == ["p.delta"]
+    names = ["v", "delta", "x", "omega0"]  # a list is an order, within parameters and starts
+    order = ["p.delta", "p.omega0", "start.v", "start.x"]
+    assert list(keys(sliders=names, method=False)) == order
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
     assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}

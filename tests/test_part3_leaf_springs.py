@@ -21,21 +21,13 @@ ENDS = (1.0, 2.0, 4.0)
 def rules(end):
     """[(instant, V1, V2)] of the default start: every crossing by hand, V in whole steps."""
     rows, t, V1, V2 = [(0.0, 0.9 * 1.3, 1.3)], 0.0, 0.9 * 1.3, 1.3
-    while True:
-        t += 14.8 / (V2 - V1)  # machine 2 comes round
-        V2 *= 0.5
-        rows.append((t, V1, V2))
-        t += 0.8 / (V1 - V2)
-        V1, V2 = 1.3 * V1, 1.3 * V2
-        rows.append((t, V1, V2))
-        t += 14.8 / (V1 - V2)  # machine 1 comes round
-        V1 *= 0.5
-        rows.append((t, V1, V2))
-        t += 0.8 / (V2 - V1)
-        V1, V2 = 1.3 * V1, 1.3 * V2
-        rows.append((t, V1, V2))
-        if t > end:
-            return [row for row in rows if row[0] <= end]
+    while t <= end:
+        for slow in (np.array([1.0, 0.5]), np.array([0.5, 1.0])):  # 2 comes round, then 1
+            for way, factor in ((14.8, slow), (0.8, 1.3)):
+                t += way / abs(V2 - V1)
+                V1, V2 = (np.array([V1, V2]) * factor).tolist()
+                rows.append((t, V1, V2))
+    return [row for row in rows if row[0] <= end]
 
 
 def pieces(machine, end):

@@ -136,6 +136,14 @@ def test_one_name_for_two_things_is_refused(other, words):
         explore({"a": oscillator(), "b": oscillator(**other)}, 5.0, **PLAIN)
 
 
+def test_sliders_stand_in_the_order_of_their_list():
+    """Also where the first one belongs to the second model only."""
+    pair = {"a": oscillator("a"), "b": oscillator("b", z=Parameter(1.0))}
+    made = explore(pair, 5.0, sliders=["z", "k"], **PLAIN)
+    keys = [control.key for control in made.controls if control.group == "parameters"]
+    assert keys == ["p.z", "p.k"]
+
+
 def test_wrong_input_in_words(pair):
     with pytest.raises(ModelError, match="a dict of two or more"):
         explore({"a": oscillator()}, 5.0)

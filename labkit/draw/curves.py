@@ -17,7 +17,8 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.text import Text
 
-from ..model import ModelError, listed, unambiguous
+from ..arguments import takes, unambiguous
+from ..model import ModelError, listed
 from ..run import Run
 from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, style, symbol, when_resized
 from .private import closed, reshape
@@ -73,6 +74,10 @@ def curves(
 
     Raises ModelError when `what` gives something else, with the name of the curve.
     """
+    if not takes(what, 1) or not isinstance(title, str):
+        raise TypeError("what, title")  # @unambiguous says it
+    if isinstance(where, Mapping) and not where:
+        raise ModelError("curves got no run to draw: give one, or axes")
     run = None if isinstance(where, Axes) else where
     if isinstance(where, Axes):
         if axes is not None:

@@ -31,6 +31,7 @@ from matplotlib.legend import Legend
 from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
+from ..arguments import asked
 from ..model import ModelError, System
 from ..run import _write
 from ..show import latex_name
@@ -404,6 +405,7 @@ def _palette_png(rgb: Image.Image) -> bytes:
     return out.getvalue()
 
 
+@asked
 def figure(
     rows: int = 1,
     columns: int = 1,
@@ -431,6 +433,9 @@ def figure(
         )
     if rows < 0 or columns < 0 or rows * columns > 100:
         raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
+    for sizes, count, what in ((heights, rows, "heights"), (widths, columns, "widths")):
+        if sizes is not None and len(sizes) != count:
+            raise ModelError(f"{what} of a figure must be {count} numbers, not {sizes!r:.60}")
     with style():
         fig = Figure(figsize=(width, height), dpi=PNG_DPI, layout="constrained")
         Canvas(fig)
@@ -464,6 +469,7 @@ def style() -> Iterator[None]:
 _one_at_a_time = threading.RLock()
 
 
+@asked
 def mode_colors(system: System) -> dict[str, str]:
     """mode_colors(system)["slip"] -> the colour that this mode has in every picture.
 

@@ -16,6 +16,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
+from ..arguments import asked
 from ..model import ModelError, listed
 from .figure import COLORS, DASHES, FAINT, HALO, INK, Figure, figure, head, symbol, tint
 
@@ -30,6 +31,7 @@ NONE = "no result"
 NAMES = 10  # the most that stand along an axis
 
 
+@asked
 def picture(
     m: Sweep,
     x: str | None = None,
@@ -55,6 +57,8 @@ def picture(
         raise ModelError(f"x and y are both {x!r}: a map has two different axes")
     if unknown := [name for name in (*(log or ()), *even) if name not in names]:
         raise ModelError(f"the sweep has no axis {listed(unknown)}; it has {listed(names)}")
+    if both := [name for name in log or () if name in even]:
+        raise ModelError(f"axis {listed(both)} cannot be both log and even")
     named = {name: np.array([_text(v, 3) for v in m.axes[name].tolist()]) for name in even}
     m = replace(m, axes={**m.axes, **named})
     curves = len(names) == 1 or (len(names) == 2 and x is not None and y is None)

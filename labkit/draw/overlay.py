@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ..arguments import asked
 from ..model import ModelError
 from ..run import Run
 from .figure import COLORS, DASHES, FAINT, INK
@@ -41,6 +42,7 @@ class Handle(View):
 
     ready = False
 
+    @asked
     def __init__(
         self,
         axes: Axes,

@@ -17,7 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.text import Text
 from numpy.typing import ArrayLike
 
-from ..model import OPTIONS, ModelError, System, listed, unambiguous
+from ..arguments import unambiguous
+from ..model import OPTIONS, ModelError, System, listed
 from ..run import Run
 from ..runs import Runs
 from .figure import GREY, head, on_lines, style, when_resized

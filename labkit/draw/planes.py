@@ -15,8 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
+from ..arguments import unambiguous
 from ..linear import affine, borders, eigenlines, equilibrium, exact
-from ..model import ModelError, unambiguous
+from ..model import ModelError
 from ..run import Run
 from ..show import split_name
 from ..similarity import Similarity

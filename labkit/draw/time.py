@@ -18,7 +18,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
-from ..model import ModelError, System, listed, unambiguous
+from ..arguments import unambiguous
+from ..model import ModelError, System, listed
 from ..run import Run
 from ..runs import Runs
 from .figure import (

@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from ..arguments import asked
 from ..ledger import Events
 from ..model import ModelError, System, listed
 from ..run import Ended, Run, Work
@@ -35,6 +36,7 @@ from .starts import Refused, clocks, mapping, start_of, starts_of, try_functions
 __all__ = ["FIXED_STEP", "METHODS", "simulate", "simulate_many", "warm"]
 
 
+@asked
 def simulate(
     system: System,
     t_end: float,
@@ -134,6 +136,7 @@ def simulate(
 _COSTS = slice(core.ACCEPTED, core.LOOKS + 1)  # steps, refused ones, flows, guards
 
 
+@asked
 def simulate_many(
     system: System,
     t_end: float,
