@@ -33,7 +33,7 @@ def asked(function: Callable) -> Callable:
 
             if isinstance(error, ModelError) or not (said := _wrong(function, given, named)):
                 raise
-            raise ModelError(said) from None
+            raise ModelError(said) from error
 
     return checked
 

@@ -74,8 +74,10 @@ def curves(
 
     Raises ModelError when `what` gives something else, with the name of the curve.
     """
-    if not takes(what, 1) or not isinstance(title, str):
-        raise TypeError("what, title")  # @unambiguous says it
+    if not takes(what, 1):
+        raise ModelError(f"what of curves must be a function of a run, not {what!r}")
+    if not isinstance(title, str):
+        raise ModelError(f"title of curves must be a text, not {title!r}")
     if isinstance(where, Mapping) and not where:
         raise ModelError("curves got no run to draw: give one, or axes")
     run = None if isinstance(where, Axes) else where
