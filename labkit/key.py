@@ -180,7 +180,8 @@ def _said(output: Any) -> str:
 def _answers(cells: list[Any]) -> Iterator[tuple[str, str, str, str]]:
     for name, check in checks(cells):
         given = "–" if check["ok"] is None else check["answer"]
-        yield name, check["right"], given, MARKS[check["ok"]]
+        within = f" (within {check['within']})" if check["within"] else ""
+        yield name, check["right"] + within, given, MARKS[check["ok"]]
 
 
 def _beside(right: list[str], given: list[str]) -> list[tuple[str, str]]:

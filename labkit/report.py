@@ -38,6 +38,7 @@ from .site import RecordedPage, in_one_line
 
 __all__ = ["checks", "report", "with_results"]
 
+HEADS = ("notebook", "answer to", "mine", "right", "within", "")
 RAN = ".labkit"  # the folder of notebooks with results, beside the student's own
 _IMAGE = re.compile(r'<div class="jp-RenderedImage[^"]*"[^>]*>\s*(<img[^>]*>)\s*</div>')
 _NAV = re.compile(r"<nav [^>]*labkit-contents.*?</nav>", re.DOTALL)
@@ -181,13 +182,14 @@ def _answers(ran: list[Ran]) -> str:
     rows, right = [], 0
     for one in ran:
         for name, check in checks(one.cells):
-            given = (check["answer"], check["right"]) if check["ok"] is not None else ("–", "")
+            said = [check[key] for key in ("answer", "right", "within")]
+            given = said if check["ok"] is not None else ("–", "", "")
             cells = (one.path.stem, name, *given, MARKS[check["ok"]])
             rows.append("".join(f"<td>{html.escape(cell)}</td>" for cell in cells))
             right += check["ok"] is True
     if not rows:
         return ""
-    head = "".join(f"<th>{h}</th>" for h in ("notebook", "answer to", "mine", "right", ""))
+    head = "".join(f"<th>{h}</th>" for h in HEADS)
     lines = "".join(f"<tr>{row}</tr>" for row in rows)
     return (
         '<div class="jp-RenderedHTMLCommon"><h1 id="predictions">Predictions and answers</h1>'

@@ -71,8 +71,8 @@ def test_the_report_has_contents_figures_formulas_and_answers(made):
     assert "<b>Figure 1.</b> A swing" in text and 'id="figure-2"' in text and "<math>" in text
     assert "Predictions and answers" in text and "1 of 2 right" in text
     row = text[text.index("<td>my_period</td>") :]
-    assert row.startswith("<td>my_period</td><td>3</td><td>3.14159</td><td>✓</td>")
-    assert "<td>my_word</td><td>–</td><td></td><td>…</td>" in text
+    assert row.startswith("<td>my_period</td><td>3</td><td>3.14159</td><td>10 %</td><td>✓</td>")
+    assert "<td>my_word</td><td>–</td><td></td><td></td><td>…</td>" in text
     assert "labkit-recording" not in text[text.index("<main") :]
     assert "http://" not in text.replace("http://www.w3.org", "")
 
