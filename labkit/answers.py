@@ -45,7 +45,7 @@ class Check:
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
         """Beside it, while a report is being made, what that lists."""
-        if os.environ.get("LABKIT_RECORD") != "1":
+        if not os.environ.get("LABKIT_RECORD"):
             return {}
         said = {"answer": _short(self.answer), "right": _short(self.right), "within": self.within}
         return {MIME: {"ok": self.ok, **said}}

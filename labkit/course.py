@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from .model import ModelError, listed
-from .notebooks import ROOT, found
+from .notebooks import HOME, ROOT, found
 from .run import write_whole
 
 __all__ = [
@@ -36,7 +36,6 @@ __all__ = [
 ]
 
 PROJECTS = 30
-HOME = ROOT / "notebooks"
 PARTS = {
     1: "Part 1. Linear systems with a prescribed equilibrium",
     2: "Part 2. A pendulum with a static nonlinearity",

@@ -18,6 +18,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from ..model import ModelError
 from ..run import write_whole
 
 ADMINISTRATOR = 0  # whoever can write to what is theirs can change Python itself
@@ -82,7 +83,7 @@ def read(name: str) -> bytes | None:
 
 def write(name: str, data: bytes) -> None:
     """write("4f….bin", data): a full disk or a missing folder is no error, it is only a cache."""
-    with suppress(OSError):
+    with suppress(OSError, ModelError):
         path = folder() / name
         write_whole(path, data)
         os.chmod(path, 0o600)
