@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from .model import ModelError, listed
-from .notebooks import HOME, ROOT, found
+from .notebooks import HOME, found
 from .run import write_whole
 
 __all__ = [
@@ -243,10 +243,10 @@ def overview() -> str:
 def choose(number: int = 1) -> None:
     """choose() shows a slider for the project number and that project's table under it.
 
-    A button makes the student's own copies of its notebooks, in the folder project-13 of the
-    workbook. Saved without its widget the slider leaves the table of all projects. The table is an
-    output of the cell and not a widget, because only there does JupyterLab open a link in a tab of
-    its own.
+    A button makes the student's own copies of its notebooks, in the folder project-13 beside that
+    of the start page. Saved without its widget the slider leaves the table of all projects. The
+    table is an output of the cell and not a widget, because only there does JupyterLab open a link
+    in a tab of its own.
     Raises ModelError for a number that is none.
     """
     import ipywidgets as widgets
@@ -287,7 +287,7 @@ def _copied(number: int) -> str:
     """What a click on the button did, as HTML."""
     from .copies import copy_project
 
-    folder = ROOT / f"project-{number}"
+    folder = Path.cwd().parent / f"project-{number}"  # of a copy in one's home, too
     try:
         copy_project(number, folder)
     except ModelError as error:
