@@ -63,6 +63,9 @@ def main(words: list[str]) -> int:
     except SetupError as error:
         print(f"\nlabkit: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("\nlabkit: stopped", file=sys.stderr)
+        return 130
 
 
 def split(words: list[str]) -> tuple[str, list[str]]:
@@ -93,16 +96,7 @@ def start(command: str, words: list[str]) -> int:
         return show(words)
     if command == "test":
         return test(words)
-    if command == "run":
-        from .course import refresh
-        from .notebooks import execute_all
-
-        warm()
-        failed = execute_all(words)
-        if refresh():
-            print("labkit: notebooks/start.ipynb lists the notebooks that there are now")
-        return min(failed, 1)
-    if command in ("page", "new", "report", "key", "site"):
+    if command in ("page", "run", "new", "report", "key", "site"):
         return written(globals()[command], words)
     return 0  # setup
 
@@ -379,25 +373,49 @@ def written(command: Callable[[list[str]], Iterable[object]], words: list[str]) 
     try:
         for made in command(words):
             print(f"labkit: {made}" if isinstance(made, Path) else made, flush=True)
-    except ModelError as error:
+    except (ModelError, OSError) as error:
         raise SetupError(str(error)) from None
     return 0
+
+
+def run(words: list[str]) -> Iterable[str]:
+    """Notebooks run from the top and saved; the start page lists those that there are."""
+    from .course import refresh
+    from .notebooks import execute_all
+
+    warm()
+    failed = execute_all(words)
+    if refresh():
+        yield "labkit: notebooks/start.ipynb lists the notebooks that there are now"
+    if failed:
+        raise SetupError(f"{failed} failed; they are as they were before, the others are saved")
 
 
 def page(words: list[str]) -> Iterable[Path]:
     """Notebooks as pages, in the folder in which one stands."""
     from .page import page as write
 
-    return (write(path) for path in [meant([word]) for word in words] or [meant([])])
+    paths = [meant([word]) for word in words] or [meant([])]
+    if folders := [path for path in paths if path.is_dir()]:
+        raise SetupError(f"{str(folders[0])!r} is a folder: say a notebook, or use site for all")
+    return map(write, paths)
 
 
 def new(words: list[str]) -> Iterable[Path]:
     """A student's own copies of the notebooks of a project."""
     from .copies import copy_project
 
-    if len(words) != 2 or not words[0].isdigit():
+    if len(words) != 2:
         raise SetupError("say the number of your project and a folder: new 13 my-project")
-    return copy_project(int(words[0]), words[1])
+    return copy_project(number(words[0]), words[1])
+
+
+def number(word: str) -> int | str:
+    """number("013") -> 13; what is no number stays as it is."""
+    try:
+        return int(word)
+    except ValueError:
+        return word
 
 
 def report(words: list[str]) -> Iterable[Path]:
@@ -417,7 +435,7 @@ def key(words: list[str]) -> Iterable[object]:
     if len(words) != 1:
         raise SetupError("say the number of a project or a student's folder: key 13")
     warm()
-    return keys(int(words[0]) if words[0].isdigit() else words[0])
+    return keys(number(words[0]))
 
 
 def site(words: list[str]) -> Iterable[Path]:

@@ -24,6 +24,7 @@ MARKS = {True: "✓", False: "✗", None: "…"}
 class Check:
     """What `check` found: `ok` is True, False, or None (no answer yet); `text` says it.
 
+    `within` is what it allowed, as the report says it: "1 %"; nothing for words.
     It shows itself as the last line of a cell, and `bool(found)` is True only for a right answer.
     """
 
@@ -31,6 +32,7 @@ class Check:
     right: Any
     ok: bool | None
     text: str
+    within: str = ""
 
     def __bool__(self) -> bool:
         return self.ok is True
@@ -43,9 +45,10 @@ class Check:
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
         """Beside it, while a report is being made, what that lists."""
-        if os.environ.get("LABKIT_RECORD") != "1":
+        if not os.environ.get("LABKIT_RECORD"):
             return {}
-        return {MIME: {"ok": self.ok, "answer": _short(self.answer), "right": _short(self.right)}}
+        said = {"answer": _short(self.answer), "right": _short(self.right), "within": self.within}
+        return {MIME: {"ok": self.ok, **said}}
 
 
 def check(answer: Any, right: Any, *, rel: float = 1e-2, abs: float = 0.0, hint: str = "") -> Check:
@@ -65,9 +68,12 @@ def check(answer: Any, right: Any, *, rel: float = 1e-2, abs: float = 0.0, hint:
     """
     try:
         ok, text = _judged(answer, right, rel, abs)
+        within = _within(right, rel, abs)
     except Exception as error:  # an answer may be any object, with an == of its own
-        ok, text = False, f"this answer cannot be compared ({type(error).__name__}: {error})."
-    return Check(answer, right, ok, f"{text} {hint}".strip() if ok is False else text)
+        ok, within = False, ""
+        text = f"this answer cannot be compared ({type(error).__name__}: {error})."
+    text = f"{text} {hint}".strip() if ok is False else text
+    return Check(answer, right, ok, text, within)
 
 
 def _judged(answer: Any, right: Any, rel: float, abs: float) -> tuple[bool | None, str]:
@@ -75,13 +81,23 @@ def _judged(answer: Any, right: Any, rel: float, abs: float) -> tuple[bool | Non
         return None, "No answer yet: write yours in place of `None` and run the cell again."
     if isinstance(right, str | Set):
         return _word(answer, {right} if isinstance(right, str) else right)
-    if isinstance(right, bool) or type(right).__name__ == "bool_" or type(right).__name__ == "bool":
-        if not (isinstance(answer, bool) or type(answer).__name__ in ("bool_", "bool")):
+    if _yes_or_no(right):
+        if not _yes_or_no(answer):
             return False, f"{_said(answer)} is neither `True` nor `False`."
         return _verdict(bool(answer) == bool(right), answer)
     if _many(right):
         return _several(answer, list(right), rel, abs)
     return _number(answer, right, rel, abs)
+
+
+def _within(right: Any, rel: float, abs: float) -> str:
+    """What is allowed, the larger of both; of several values each that is allowed for one."""
+    if _many(right) and not isinstance(right, Set):
+        return " or ".join(dict.fromkeys(filter(None, (_within(x, rel, abs) for x in right))))
+    size = None if _plain(right) else _complex(right)
+    if size is None:
+        return ""
+    return f"{abs:.3g}" if abs > rel * math.hypot(*_parts(size)) else f"{100 * rel:.3g} %"
 
 
 def _word(answer: Any, right: Set[str]) -> tuple[bool, str]:
@@ -174,11 +190,19 @@ def _short(value: Any) -> str:
     """A value in a table: numbers with six digits."""
     if _many(value):
         return ", ".join(map(_short, sorted(value) if isinstance(value, Set) else value))
-    plain = isinstance(value, str | bool | None) or type(value).__name__ in ("bool_", "bool")
-    number = None if plain else _complex(value)
+    number = None if _plain(value) else _complex(value)
     if number is None:
         return str(value)
     return f"{number.real:.6g}" if not number.imag else f"{number:.6g}"
+
+
+def _plain(value: Any) -> bool:
+    return isinstance(value, str | None) or _yes_or_no(value)
+
+
+def _yes_or_no(value: Any) -> bool:
+    """True or False, of Python or of any NumPy."""
+    return isinstance(value, bool) or type(value).__name__ in ("bool_", "bool")
 
 
 def _said(answer: Any) -> str:

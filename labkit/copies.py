@@ -8,13 +8,14 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
 
 from .course import Assignment, project
 from .model import ModelError, listed
+from .notebooks import read
+from .run import unwritable
 
 __all__ = ["REPORT", "copy_project"]
 
@@ -67,24 +68,36 @@ def copy_project(number: int, folder: str | os.PathLike) -> list[Path]:
         raise ModelError(f"project {number} has no notebook yet for {listed(missing)}")
     texts = {_name(a): _copy(a, number, folder) for a in wanted.assignments}
     texts[REPORT] = _report(number, wanted.assignments)
-    if there := [name for name in texts if (folder / name).exists()]:
-        raise ModelError(
-            f"{str(folder)!r} has {listed(there)} already, and nothing was written: take another "
-            "folder, or move these files away"
-        )
+    reserved: list[Path] = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if there := [name for name in texts if (folder / name).exists()]:
+            raise _taken(folder, there)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
             for name, text in texts.items():
                 (Path(place) / name).write_text(text, encoding="utf-8")
+            for name in texts:  # another call may be at work on the same folder
+                try:
+                    (folder / name).touch(exist_ok=False)
+                except FileExistsError:
+                    raise _taken(folder, [name]) from None
+                reserved.append(folder / name)
             for name in texts:  # all of them are on the disk now
-                shutil.move(Path(place) / name, folder / name)
-    except OSError as error:
-        raise ModelError(
-            f"{str(folder)!r} cannot be written ({error.strerror or error}): choose a folder that "
-            "you may write to, on a disk with room"
-        ) from error
+                os.replace(Path(place) / name, folder / name)
+            reserved.clear()
+    except (OSError, ValueError) as error:
+        raise error if isinstance(error, ModelError) else unwritable(folder, error) from error
+    finally:  # also when interrupted
+        for path in reserved:
+            path.unlink(missing_ok=True)
     return [folder / name for name in texts]
+
+
+def _taken(folder: Path, names: list[str]) -> ModelError:
+    return ModelError(
+        f"{str(folder)!r} has {listed(names)} already, and nothing was written: take another "
+        "folder, or move these files away"
+    )
 
 
 def _name(a: Assignment) -> str:
@@ -93,7 +106,7 @@ def _name(a: Assignment) -> str:
 
 def _copy(a: Assignment, number: int, folder: Path) -> str:
     """The notebook without results; its links lead from the new place to the workbook."""
-    page = json.loads(a.notebook.read_text(encoding="utf-8"))
+    page = read(a.notebook)
     for cell in page["cells"]:
         if cell["cell_type"] == "code":
             cell["outputs"], cell["execution_count"] = [], None

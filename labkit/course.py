@@ -22,7 +22,7 @@ from typing import Any
 
 from .arguments import asked
 from .model import ModelError, listed
-from .notebooks import ROOT, found
+from .notebooks import HOME, found
 from .run import write_whole
 
 __all__ = [
@@ -37,7 +37,6 @@ __all__ = [
 ]
 
 PROJECTS = 30
-HOME = ROOT / "notebooks"
 PARTS = {
     1: "Part 1. Linear systems with a prescribed equilibrium",
     2: "Part 2. A pendulum with a static nonlinearity",
@@ -258,10 +257,10 @@ def overview() -> str:
 def choose(number: int = 1) -> None:
     """choose() shows a slider for the project number and that project's table under it.
 
-    A button makes the student's own copies of its notebooks, in the folder project-13 of the
-    workbook. Saved without its widget the slider leaves the table of all projects. The table is an
-    output of the cell and not a widget, because only there does JupyterLab open a link in a tab of
-    its own.
+    A button makes the student's own copies of its notebooks, in the folder project-13 beside that
+    of the start page. Saved without its widget the slider leaves the table of all projects. The
+    table is an output of the cell and not a widget, because only there does JupyterLab open a link
+    in a tab of its own.
     Raises ModelError for a number that is none.
     """
     import ipywidgets as widgets
@@ -302,7 +301,7 @@ def _copied(number: int) -> str:
     """What a click on the button did, as HTML."""
     from .copies import copy_project
 
-    folder = ROOT / f"project-{number}"
+    folder = Path.cwd().parent / f"project-{number}"  # of a copy in one's home, too
     try:
         copy_project(number, folder)
     except ModelError as error:

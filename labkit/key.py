@@ -22,7 +22,7 @@ import nbformat
 from .answers import MARKS
 from .course import project
 from .model import ModelError
-from .notebooks import ROOT, executed, found
+from .notebooks import HOME, executed, found, read
 from .report import checks, with_results
 
 __all__ = ["Key", "key"]
@@ -77,19 +77,18 @@ def key(which: int | str | os.PathLike) -> Iterator[Key]:
             "a project's number"
         )
     for path, name in copies.items():
-        yield _students(path, ROOT / "notebooks" / f"{name}.ipynb")
+        yield _students(path, HOME / f"{name}.ipynb")
 
 
 def _assignment(path: Path) -> str:
     try:
-        page = json.loads(path.read_text(encoding="utf-8"))
-        return str(page["metadata"].get("labkit", {}).get("assignment", ""))
-    except (ValueError, KeyError, AttributeError):
+        return str(read(path).metadata.get("labkit", {}).get("assignment", ""))
+    except (ModelError, AttributeError):
         return ""
 
 
 def _own_values(path: Path, name: str) -> Key:
-    notebook = executed(path, LABKIT_RECORD="1")
+    notebook = executed(path, allow_errors=True, LABKIT_RECORD="answers")
     answers = [(asked_for, right, "", "") for asked_for, right, _, _ in _answers(notebook.cells)]
     return Key(name, [], [(line, line) for line in _checked(notebook.cells)], answers)
 
@@ -117,7 +116,7 @@ def _students(path: Path, original: Path) -> Key:
 
 def _values(path: Path) -> dict[str, dict[str, dict[str, float]]]:
     """Values and start of a notebook's models, after its last cell."""
-    notebook = nbformat.read(path, as_version=4)
+    notebook = read(path)
     notebook.cells.append(nbformat.v4.new_code_cell(ASK))
     for output in executed(path, notebook=notebook, allow_errors=True).cells[-1]["outputs"]:
         text = output.get("text", "")
@@ -128,14 +127,14 @@ def _values(path: Path) -> dict[str, dict[str, dict[str, float]]]:
 
 def _run_with(original: Path, chosen: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Any:
     """The workbook's notebook, with other values in its models as soon as they are made."""
-    notebook, cells = nbformat.read(original, as_version=4), []
+    notebook, cells = read(original), []
     for cell in notebook.cells:
         cells.append(cell)
         for name in _makes(cell):
             if name in chosen:
                 cells.append(nbformat.v4.new_code_cell(_put(name, chosen[name])))
     notebook.cells = cells
-    return executed(original, notebook=notebook, allow_errors=True, LABKIT_RECORD="1")
+    return executed(original, notebook=notebook, allow_errors=True, LABKIT_RECORD="answers")
 
 
 def _makes(cell: Any) -> list[str]:
@@ -180,7 +179,8 @@ def _said(output: Any) -> str:
 def _answers(cells: list[Any]) -> Iterator[tuple[str, str, str, str]]:
     for name, check in checks(cells):
         given = "–" if check["ok"] is None else check["answer"]
-        yield name, check["right"], given, MARKS[check["ok"]]
+        within = f" (within {check['within']})" if check["within"] else ""
+        yield name, check["right"] + within, given, MARKS[check["ok"]]
 
 
 def _beside(right: list[str], given: list[str]) -> list[tuple[str, str]]:

@@ -12,18 +12,41 @@ canvas.
 from __future__ import annotations
 
 import difflib
+import hashlib
+import json
 import os
 import re
+import signal
 import sys
-from collections.abc import Callable, MutableMapping
+import time
+import warnings
+from collections.abc import Callable, Iterable, MutableMapping
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .run import _write
+from .model import ModelError
+from .run import write_whole
 
-__all__ = ["ROOT", "complete", "execute", "executed", "found", "named", "pre_save_hook", "strip"]
+__all__ = [
+    "ROOT",
+    "complete",
+    "execute",
+    "executed",
+    "found",
+    "in_one_line",
+    "in_parallel",
+    "named",
+    "pre_save_hook",
+    "read",
+    "state",
+    "strip",
+]
 
 ROOT = Path(__file__).resolve().parent.parent
+HOME = ROOT / "notebooks"
 TEMPLATES = Path(__file__).with_name("jupyter") / "nbconvert" / "templates"
 #: What labkit's template of an exported page needs besides nbconvert's own filters
 FILTERS = {
@@ -43,7 +66,7 @@ LANGUAGE = {
 }
 
 
-def found(folder: str | os.PathLike = ROOT / "notebooks") -> list[Path]:
+def found(folder: str | os.PathLike = HOME) -> list[Path]:
     """found() -> all notebooks under notebooks/, sorted, without Jupyter's checkpoints."""
     return sorted(
         path
@@ -52,7 +75,7 @@ def found(folder: str | os.PathLike = ROOT / "notebooks") -> list[Path]:
     )
 
 
-def named(word: str, folder: str | os.PathLike = ROOT / "notebooks") -> Path:
+def named(word: str, folder: str | os.PathLike = HOME) -> Path:
     """named("part3/06") -> the path of the one notebook that is meant.
 
     A file of one's own (with or without .ipynb), a name below notebooks/, or the beginning of one.
@@ -79,6 +102,58 @@ def named(word: str, folder: str | os.PathLike = ROOT / "notebooks") -> Path:
     meant = meant or [known for known in names if known in close or short[known] in close]
     what = f"; did you mean {' or '.join(meant)}?" if meant else f"; there are {', '.join(names)}"
     raise LookupError(f"{word!r} is no notebook{what}")
+
+
+def read(path: str | os.PathLike) -> Any:
+    """read("my.ipynb") -> the notebook; what a hand that has edited the file left out is put in.
+
+    Raises ModelError for a file that is no notebook or cannot be read.
+    """
+    import nbformat
+
+    try:
+        page = json.loads(Path(path).read_text(encoding="utf-8-sig"))
+        page.setdefault("metadata", {})
+        for cell in page.get("cells", ()):
+            cell.setdefault("metadata", {})
+            if cell["cell_type"] == "code":
+                cell.setdefault("outputs", [])
+                cell.setdefault("execution_count", None)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # cells without a name, or two of one
+            notebook = nbformat.convert(nbformat.reader.reads(json.dumps(page)), 4)
+            nbformat.validate(notebook)
+    except Exception as error:
+        said = getattr(error, "strerror", None) or in_one_line(error, first=True)
+        raise ModelError(
+            f"{str(path)!r} is no notebook ({said}): take another one, or an earlier copy of it"
+        ) from None
+    return notebook
+
+
+def state(path: Path, *more: str) -> str:
+    """state(path, "metadata") -> a digest of a notebook's cells and of labkit, not of results."""
+    try:
+        cells = json.loads(path.read_text(encoding="utf-8-sig"))["cells"]
+        keys = ("cell_type", "source", *more)
+        text = json.dumps([[cell[key] for key in keys] for cell in cells]).encode()
+    except (ValueError, KeyError, TypeError):
+        text = path.read_bytes()
+    return hashlib.sha256(_package() + text).hexdigest()
+
+
+@cache
+def _package() -> bytes:
+    """labkit's own files, as they are now."""
+    kinds = (".py", ".js", ".css", ".j2")
+    paths = sorted(path for path in Path(__file__).parent.rglob("*") if path.suffix in kinds)
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).digest()
+
+
+def in_one_line(error: BaseException, first: bool = False) -> str:
+    """in_one_line(error) -> the last line of its text, which in a cell's traceback names it."""
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().splitlines()
+    return lines[0 if first else -1] if lines else type(error).__name__
 
 
 def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -155,13 +230,16 @@ def executed(
 
     The kernel works in the notebook's folder, with more variables of the environment if need be.
     `notebook`: a changed copy that runs in its place. Raises nbclient's CellExecutionError with the
-    cell's traceback, unless errors are allowed: then the cells after it run as well.
+    cell's traceback, unless errors are allowed: then the cells after it run as well. Raises
+    ModelError for what is no notebook, and for a kernel that dies, takes too long or never starts.
     """
-    import nbformat
+    import zmq
     from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError
+    from traitlets.config import Config
 
     path = Path(path)
-    notebook = nbformat.read(path, as_version=4) if notebook is None else notebook
+    notebook = read(path) if notebook is None else notebook
     client = NotebookClient(
         notebook,
         timeout=timeout,
@@ -170,14 +248,56 @@ def executed(
         extra_arguments=["--log-level=ERROR"],  # a warning at each start says that TCP is plain
         store_widget_state=False,
         resources={"metadata": {"path": str(path.parent)}},
+        config=Config(
+            KernelManager={"transport_encryption": "auto" if zmq.has("curve") else "disabled"}
+        ),
     )
-    client.execute(env=os.environ | environment)
+    _at_work.add(client)
+    try:
+        client.execute(env=os.environ | environment)
+    except CellExecutionError:
+        raise
+    except Exception as error:  # no time, no memory, no kernel
+        said = f"{path.name} did not run to its end ({in_one_line(error)})"
+        raise ModelError(f"{said}: run it in Jupyter, cell by cell") from error
+    finally:
+        _at_work.discard(client)
     notebook.metadata["kernelspec"] = {
         "display_name": "Python 3 (ipykernel)",
         "language": "python",
         "name": "python3",
     }
     return notebook
+
+
+_at_work: set[Any] = set()  # clients of kernels
+
+
+def in_parallel(
+    work: Callable[[Any], Any],
+    items: Iterable[Any],
+    done: Callable[[Any, Future], object],
+    workers: int | None = None,
+) -> None:
+    """in_parallel(executed, paths, lambda path, task: …) calls it here as one after the other ends.
+
+    An interrupt, or an error in `done`, ends the kernels that `executed` has begun.
+    """
+    tasks: dict[Future, Any] = {}
+    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+        try:
+            tasks = {pool.submit(work, item): item for item in items}
+            for task in as_completed(tasks):
+                done(tasks.pop(task), task)
+        finally:
+            while not all([task.cancel() or task.done() for task in tasks]):
+                for client in tuple(_at_work):
+                    with suppress(AttributeError, TypeError, OSError):  # not begun, or ended
+                        os.kill(client.km.provisioner.pid, _KILL)
+                time.sleep(0.2)
+
+
+_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 
 
 def execute(path: str | os.PathLike, timeout: float = 300.0) -> Path:
@@ -188,7 +308,7 @@ def execute(path: str | os.PathLike, timeout: float = 300.0) -> Path:
     import nbformat
 
     notebook = executed(path, timeout)
-    return _write(Path(path), (nbformat.writes(strip(notebook)) + "\n").encode())
+    return write_whole(Path(path), (nbformat.writes(strip(notebook)) + "\n").encode())
 
 
 def execute_all(paths: list[str], say: Callable[[str], None] = print) -> int:
@@ -196,25 +316,21 @@ def execute_all(paths: list[str], say: Callable[[str], None] = print) -> int:
 
     After a failure it goes on with the next.
     """
-    import time
 
-    from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
-
-    failed = 0
-    folders = [found(name) if Path(name).is_dir() else [name] for name in paths]
-    for name in [name for names in folders for name in names] or found():
+    def one(name: str | Path) -> str:
         begin = time.perf_counter()
-        try:
-            path = execute(named(str(name)))
-            say(f"{path}: {time.perf_counter() - begin:.1f} s, {path.stat().st_size / 1000:.0f} kB")
-        except (
-            CellExecutionError,
-            CellTimeoutError,
-            DeadKernelError,
-            LookupError,
-            OSError,
-            ValueError,
-        ) as error:
-            failed += 1
-            say(f"{name}: failed\n{error}")
-    return failed
+        path = execute(named(str(name)))
+        return f"{path}: {time.perf_counter() - begin:.1f} s, {path.stat().st_size / 1000:.0f} kB"
+
+    def done(name: str | Path, task: Future) -> None:
+        error = task.exception()
+        failed.append(name) if error else None
+        say(f"{name}: failed\n{error}" if error else task.result())
+
+    failed: list[str | Path] = []
+    folders = [found(name) if Path(name).is_dir() else [name] for name in paths or [HOME]]
+    names = [name for names in folders for name in names]
+    if not names:
+        raise ModelError(f"there are no notebooks in {' and '.join(map(repr, paths))}")
+    in_parallel(one, names, done, workers=1)
+    return len(failed)

@@ -21,8 +21,8 @@ from math_core import LatexError, LatexToMathML
 from nbconvert.exporters import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 
-from .notebooks import FILTERS, TEMPLATES
-from .run import _write
+from .notebooks import FILTERS, TEMPLATES, read
+from .run import write_whole
 
 __all__ = ["Formulas", "Page", "formula", "markdown_to_html", "page", "typeset"]
 
@@ -116,7 +116,9 @@ class Page(HTMLExporter):
 def page(notebook: str | os.PathLike, folder: str | os.PathLike = ".") -> Path:
     """page("notebooks/start.ipynb") -> path of start.html in the folder, from the saved results.
 
-    Raises ModelError if it cannot be written there, OSError if the notebook cannot be read.
+    Raises ModelError if it cannot be written there, and for a file that is no notebook.
     """
-    text, _ = Page().from_filename(str(notebook))
-    return _write(Path(folder) / f"{Path(notebook).stem}.html", text.encode())
+    path = Path(notebook)
+    resources = {"metadata": {"name": path.stem, "path": str(path.parent)}}
+    text, _ = Page().from_notebook_node(read(path), resources)
+    return write_whole(Path(folder) / f"{path.stem}.html", text.encode())

@@ -164,7 +164,7 @@ class Panel(anywidget.AnyWidget):
         values = [value.replace(" ", "\u00a0") for value in values]  # no line breaks inside
         lines = [", ".join(values), self._judge(run)[0], said, "Run this cell for sliders."]
         png, more = _captioned(self.png, self.inches[0], list(filter(None, lines)))
-        if os.environ.get("LABKIT_RECORD") == "1":  # a page is being made: see pages.py
+        if os.environ.get("LABKIT_RECORD") == "1":  # a page is being made (recorded.py)
             data = {**data, MIME: base64.b64encode(record(self)).decode()}
         return {**data, "image/png": png, "text/plain": repr(self)}, {
             **metadata,

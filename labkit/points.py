@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -84,13 +85,19 @@ class Movable(Characteristic):
     def put_in(self, system: System, law: Law, unit: str = "") -> System:
         """mine.put_in(system, law, "N") -> a variant with this curve and its output F.
 
-        law and the first two states, input and rate, as for `modes`. Raises ModelError where the
-        system has a parameter that is called like a point.
+        law and the first two states, input and rate, as for `modes`. What ends a run of the
+        system ends one of the variant, from whatever piece of the curve. Raises ModelError where
+        the system has a parameter that is called like a point.
         """
         if taken := sorted(set(self.values) & set(system.parameters)):
             raise ModelError(f"{system.name!r} has a parameter {taken[0]!r} of its own: rename it")
         states = tuple(system.units)[:2]
         units = {"x": system.unit(states[0]), "F": unit}
+        made = self.modes(law, states)
+        pieces = tuple(mode.name for mode in made["modes"])
+        made["transitions"] += [
+            replace(tr, source=pieces) for tr in system.transitions if tr.target is None
+        ]
         return system.variant(
             self.name,
             parameters={
@@ -99,7 +106,7 @@ class Movable(Characteristic):
                 )
                 for key, value in self.values.items()
             },
-            **self.modes(law, states),
+            **made,
             outputs={"F": self.output(unit, law=law, states=states)},
         )
 

@@ -12,32 +12,33 @@ from __future__ import annotations
 
 import ast
 import copy
-import hashlib
 import html
-import json
 import os
 import re
+import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import nbformat
-from nbclient.exceptions import CellTimeoutError, DeadKernelError
 
 from .answers import MARKS
 from .answers import MIME as CHECK
 from .browser import print_to_pdf
 from .copies import REPORT
 from .model import ModelError
-from .notebooks import executed, found
+from .notebooks import executed, found, in_parallel, read, state
 from .page import Page, contents
 from .recorded import MIME, script, style
-from .run import _write
-from .site import RecordedPage, in_one_line
+from .run import unwritable, write_whole
+from .site import RecordedPage
 
 __all__ = ["checks", "report", "with_results"]
 
+HEADS = ("notebook", "answer to", "mine", "right", "within", "")
 RAN = ".labkit"  # the folder of notebooks with results, beside the student's own
 _IMAGE = re.compile(r'<div class="jp-RenderedImage[^"]*"[^>]*>\s*(<img[^>]*>)\s*</div>')
 _NAV = re.compile(r"<nav [^>]*labkit-contents.*?</nav>", re.DOTALL)
@@ -71,42 +72,56 @@ def report(folder: str | os.PathLike, say: Callable[[str], object] = print) -> l
     if not paths:
         raise ModelError(f"there are no notebooks in {str(folder)!r}")
     paths.sort(key=lambda path: (path.name != REPORT, path.name))
-    ran = []
-    for count, path in enumerate(paths, 1):
-        say(f"{count} of {len(paths)}: {path.name}")
-        ran.append(with_results(path))
-        if ran[-1].trouble:
-            say(f"   {ran[-1].trouble}")
-    page = _write(folder / "report.html", _report(ran).encode())
-    slides = _write(folder / "slides.html", _slides(ran).encode())
+    _room(folder)
+    for path in paths:  # before any of them runs
+        read(path)
+    ran: dict[Path, Ran] = {}
+
+    def done(path: Path, task: Future) -> None:
+        ran[path] = task.result()
+        say(f"{len(ran)} of {len(paths)}: {ran[path].trouble or path.name}")
+
+    in_parallel(with_results, paths, done)
+    made = [ran[path] for path in paths]
+    texts = {"report.html": _report(made), "slides.html": _slides(made)}
+    written = [write_whole(folder / name, text.encode()) for name, text in texts.items()]
     pdf = folder / "report.pdf"
-    return [page, slides, *([pdf] if print_to_pdf(page, pdf) else [])]
+    if print_to_pdf(written[0], pdf):
+        written.append(pdf)
+    elif pdf.exists():
+        say(f"{pdf.name} is the one of an earlier call: no browser was found that prints it")
+    return written
+
+
+def _room(folder: Path) -> Path:
+    """The folder of what has run, made; a ModelError before anything runs in vain."""
+    place = folder / RAN
+    try:
+        place.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b" " * 2_000_000)  # as much as a small report
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    return place
 
 
 def with_results(path: Path) -> Ran:
     """with_results(path) -> the notebook as it is now, run unless that was done before."""
-    kept = path.parent / RAN / path.name
-    try:
-        notebook = nbformat.read(path, as_version=4)
-    except Exception as error:
-        raise ModelError(f"{path.name} is no notebook ({in_one_line(error)})") from None
-    digest = hashlib.sha256(
-        json.dumps([[cell["cell_type"], cell["source"]] for cell in notebook["cells"]]).encode()
-    ).hexdigest()
-    old = nbformat.read(kept, as_version=4) if kept.is_file() else None
+    kept, digest, old = _room(path.parent) / path.name, state(path), None
+    notebook = read(path)
+    with suppress(ModelError):  # there is none, or it is damaged
+        old = read(kept)
     if old is not None and old.metadata.get("labkit_ran") == digest:
         _take_marks(old, notebook)
         return Ran(path, old, _said(path, old))
     try:
         notebook = executed(path, allow_errors=True, LABKIT_RECORD="1")
-    except (CellTimeoutError, DeadKernelError) as error:
+    except ModelError as error:
         shown = "an earlier run" if old is not None else "what the file has saved"
-        trouble = f"{path.name} did not run to its end: {in_one_line(error)}; shown is {shown}"
-        return Ran(path, old or notebook, trouble)
+        return Ran(path, old or notebook, f"{error}; shown is {shown}")
     notebook.metadata["labkit_ran"] = digest
     notebook.metadata["labkit_trouble"] = _errors(notebook)
-    kept.parent.mkdir(exist_ok=True)
-    _write(kept, nbformat.writes(notebook).encode())
+    write_whole(kept, nbformat.writes(notebook).encode())
     return Ran(path, notebook, _said(path, notebook))
 
 
@@ -181,13 +196,14 @@ def _answers(ran: list[Ran]) -> str:
     rows, right = [], 0
     for one in ran:
         for name, check in checks(one.cells):
-            given = (check["answer"], check["right"]) if check["ok"] is not None else ("–", "")
+            said = [check[key] for key in ("answer", "right", "within")]
+            given = said if check["ok"] is not None else ("–", "", "")
             cells = (one.path.stem, name, *given, MARKS[check["ok"]])
             rows.append("".join(f"<td>{html.escape(cell)}</td>" for cell in cells))
             right += check["ok"] is True
     if not rows:
         return ""
-    head = "".join(f"<th>{h}</th>" for h in ("notebook", "answer to", "mine", "right", ""))
+    head = "".join(f"<th>{h}</th>" for h in HEADS)
     lines = "".join(f"<tr>{row}</tr>" for row in rows)
     return (
         '<div class="jp-RenderedHTMLCommon"><h1 id="predictions">Predictions and answers</h1>'
@@ -273,6 +289,6 @@ def _worth_showing(cells: list[Any]) -> Iterator[list[Any]]:
             heading = heads[-1] if heads else heading
         elif "# NBVAL_CHECK_OUTPUT" in cell["source"] or any(
             MIME in output.get("data", {}) or "image/png" in output.get("data", {})
-            for output in cell["outputs"]
+            for output in cell.get("outputs", ())
         ):
             yield [nbformat.v4.new_markdown_cell(f"## {heading}"), cell]

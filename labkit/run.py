@@ -237,7 +237,7 @@ class Run:
         units = {name: self.system.unit(name) for name in columns if name not in ("j", "mode")}
         heads = [f"{name} [{unit}]" if (unit := units.get(name)) else name for name in columns]
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-        return _write(path, exports.lines(heads, rows, exports.how(self)))
+        return write_whole(path, exports.lines(heads, rows, exports.how(self)))
 
     @asked
     def to_npz(self, path: str | os.PathLike) -> Path:
@@ -245,7 +245,7 @@ class Run:
 
         The file is written whole or not at all. Raises ModelError when it cannot be written.
         """
-        return _write(path, exports.zipped(self, self.columns()))
+        return write_whole(path, exports.zipped(self, self.columns()))
 
     def to_frame(self) -> Any:
         """run.to_frame() -> pandas.DataFrame of all columns; ModelError without pandas."""
@@ -253,7 +253,7 @@ class Run:
 
     def to_parquet(self, path: str | os.PathLike) -> Path:
         """run.to_parquet("ball.parquet") -> path; ModelError without pyarrow."""
-        return _write(path, exports.parquet(self.columns(), exports.how(self)))
+        return write_whole(path, exports.parquet(self.columns(), exports.how(self)))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -367,38 +367,38 @@ _UMASK = os.umask(0)  # it can only be read by setting it
 os.umask(_UMASK)
 
 
-def write_whole(path: str | os.PathLike, data: bytes) -> None:
-    """write_whole("a.csv", data): beside the goal, then renamed; raises OSError.
+def write_whole(path: str | os.PathLike, data: bytes) -> Path:
+    """write_whole("a.csv", data) -> its path: written beside the goal, then renamed.
 
-    So a full disk or a lost share never leaves half a file.
+    So a full disk or a lost share never leaves half a file. Raises ModelError.
     """
     path, temporary = Path(path), None
-    mode = (
-        path.stat().st_mode if path.exists() else 0o666 & ~_UMASK
-    )  # a temporary file is for its owner alone
     try:
+        mode = (
+            path.stat().st_mode if path.exists() else 0o666 & ~_UMASK
+        )  # a temporary file is for its owner alone
         with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.name}.", delete=False
+            dir=path.parent, prefix=f".{path.name[:99]}.", delete=False
         ) as file:
             temporary = file.name
             file.write(data)
         os.chmod(temporary, mode)
         os.replace(temporary, path)
         temporary = None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise unwritable(path, error) from error
     finally:  # also when the kernel is interrupted
         if temporary and os.path.exists(temporary):
             os.unlink(temporary)
+    return path
 
 
-def _write(path: str | os.PathLike, data: bytes) -> Path:
-    try:
-        write_whole(path, data)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise ModelError(
-            f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): "
-            "choose a folder that exists and that you may write to"
-        ) from error
-    return Path(path)
+def unwritable(path: Path, error: Exception) -> ModelError:
+    """raise unwritable(path, error): with what the system says, and the mend."""
+    return ModelError(
+        f"{str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): "
+        "choose a folder that exists and that you may write to, on a disk with room"
+    )
 
 
 @asked

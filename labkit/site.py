@@ -10,22 +10,22 @@ notebook or labkit has changed.
 
 from __future__ import annotations
 
-import hashlib
 import html
 import json
 import os
 import re
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from .course import heading
 from .model import ModelError
-from .notebooks import ROOT, executed, found
+from .notebooks import HOME, executed, found, in_one_line, in_parallel, state
 from .page import Page
 from .recorded import MIME, script, style
-from .run import write_whole
+from .run import unwritable, write_whole
 
 __all__ = ["site"]
 
@@ -45,13 +45,13 @@ notebooks themselves (python -m labkit) all move together, and the code is yours
 
 def site(
     folder: str | os.PathLike,
-    source: str | os.PathLike = ROOT / "notebooks",
+    source: str | os.PathLike = HOME,
     say: Callable[[str], object] = print,
     workers: int | None = None,
 ) -> int:
     """site("public") -> number of notebooks that failed; their old pages stay.
 
-    Runs each notebook below `source` that has no page of its present state, in as many processes
+    Runs each notebook below `source` that has no page of its present state, in as many kernels
     as there are cores. Raises ModelError for a folder that holds something else, and for a source
     without notebooks.
     """
@@ -59,38 +59,40 @@ def site(
     stamps = _stamps(folder)
     names = {path.relative_to(source).with_suffix("").as_posix(): path for path in found(source)}
     if not names:
-        raise ModelError(f"there are no notebooks in {source}")
-    folder.mkdir(parents=True, exist_ok=True)
-    common = _digest(sorted(p for p in PACKAGE.rglob("*") if p.suffix in KINDS))
-    wanted = {name: _digest([path], common) for name, path in names.items()}
+        raise ModelError(f"there are no notebooks in {str(source)!r}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    write_whole(folder / STAMPS, json.dumps(stamps).encode())  # from now on it is a site
+    wanted = {name: state(path, "metadata") for name, path in names.items()}
     todo = [
         name
         for name, digest in wanted.items()
         if stamps.get(name) != digest or not (folder / place(name)).is_file()
     ]
-    failed = 0
-    with ProcessPoolExecutor(workers or os.cpu_count()) as pool:
-        tasks = {pool.submit(make_page, names[name], name, folder): name for name in todo}
-        for count, task in enumerate(as_completed(tasks), 1):
-            name = tasks[task]
-            try:
-                size = task.result()
-            except Exception as error:
-                failed += 1
-                say(f"{count} of {len(todo)}: {name} failed: {in_one_line(error)}")
-                continue
+    seen, failed = [], []
+
+    def done(name: str, task: Future) -> None:
+        seen.append(name)
+        try:
+            size = make_page(task.result(), names[name], name, folder)
+        except Exception as error:
+            failed.append(name)
+            said = f"{name} failed: {in_one_line(error)}"
+        else:
             stamps[name] = wanted[name]
             write_whole(folder / STAMPS, json.dumps(stamps, indent=1).encode())
-            say(f"{count} of {len(todo)}: {place(name)}, {size / 1e6:.1f} MB")
+            said = f"{place(name)}, {size / 1e6:.1f} MB"
+        say(f"{len(seen)} of {len(todo)}: {said}")
+
+    in_parallel(lambda name: executed(names[name], LABKIT_RECORD="1"), todo, done, workers)
     for name in stamps.keys() - names.keys():  # of notebooks that are gone
         (folder / place(name)).unlink(missing_ok=True)
         del stamps[name]
     write_whole(folder / STAMPS, json.dumps(stamps, indent=1).encode())
     _finish(folder, names)
-    return failed
-
-
-KINDS = (".py", ".js", ".css", ".j2")
+    return len(failed)
 
 
 def place(name: str) -> str:
@@ -98,9 +100,8 @@ def place(name: str) -> str:
     return "index.html" if name == "start" else f"{name}.html"
 
 
-def make_page(path: Path, name: str, folder: Path) -> int:
-    """make_page(path, "part3/06_x", folder) -> bytes written; in a process of its own."""
-    notebook = executed(path, LABKIT_RECORD="1")
+def make_page(notebook: Any, path: Path, name: str, folder: Path) -> int:
+    """make_page(executed(path), path, "part3/06_x", folder) -> bytes written."""
     text, _ = RecordedPage().from_notebook_node(
         notebook, resources={"metadata": {"name": heading(path), "path": str(path.parent)}}
     )
@@ -140,38 +141,16 @@ class RecordedPage(Page):
 def _stamps(folder: Path) -> dict[str, str]:
     """Which state of which notebook the pages of an earlier call show."""
     try:
-        return json.loads((folder / STAMPS).read_text())
-    except FileNotFoundError:
+        return dict(json.loads((folder / STAMPS).read_text()))
+    except (FileNotFoundError, NotADirectoryError):
         pass
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise ModelError(f"{str(folder / STAMPS)!r} cannot be read ({error}): delete it") from None
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ModelError(
             f"{str(folder)!r} exists and holds no site of labkit: name a new or an empty folder"
         )
     return {}
-
-
-def _digest(paths: Iterable[Path], *more: str) -> str:
-    made = hashlib.sha256("".join(more).encode())
-    for path in paths:
-        made.update(_sources(path) if path.suffix == ".ipynb" else path.read_bytes())
-    return made.hexdigest()
-
-
-def _sources(path: Path) -> bytes:
-    """What of a notebook decides its page: its cells, not their saved results."""
-    try:
-        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        return json.dumps([[c["cell_type"], c["source"], c["metadata"]] for c in cells]).encode()
-    except (ValueError, KeyError, TypeError):
-        return path.read_bytes()
-
-
-def in_one_line(error: BaseException) -> str:
-    """The last line of an error's text, which in a cell's traceback names it."""
-    lines = re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().splitlines()
-    return lines[-1] if lines else type(error).__name__
 
 
 def _finish(folder: Path, names: Iterable[str]) -> None:
@@ -186,8 +165,9 @@ def _finish(folder: Path, names: Iterable[str]) -> None:
         title = html.unescape(_TAGS.sub("", (re.findall(r"<h1[^>]*>(.*?)<a", text) or [name])[0]))
         body = html.unescape(_TAGS.sub(" ", text.partition("<main")[2]))
         words = sorted(set(re.findall(r"\w{3,}", body.lower())))
-        pages.append([place(name), title, " ".join(words)])
-        listed.append(f'<li><a href="{place(name)}">{html.escape(title)}</a></li>')
+        link = quote(place(name))
+        pages.append([link, title, " ".join(words)])
+        listed.append(f'<li><a href="{link}">{html.escape(title)}</a></li>')
     search = (PACKAGE / "search.js").read_text("utf-8")
     data = json.dumps(pages, ensure_ascii=False, separators=(",", ":"))
     write_whole(folder / "labkit-search.js", f"const PAGES = {data};\n{search}".encode())

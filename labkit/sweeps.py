@@ -22,7 +22,7 @@ from .exports import frame, lines
 from .model import ModelError, System, listed
 from .portions import Lane, Measure, Task, portions
 from .progress import Progress
-from .run import Ended, _write
+from .run import Ended, write_whole
 from .solve import simulate_many
 from .solve.options import Options
 
@@ -111,7 +111,7 @@ class Sweep:
         """
         columns = self.columns()
         heads = [f"{name} [{u}]" if (u := self.units.get(name)) else name for name in columns]
-        return _write(path, lines(heads, zip(*columns.values(), strict=True)))
+        return write_whole(path, lines(heads, zip(*columns.values(), strict=True)))
 
     def columns(self) -> dict[str, list]:
         """m.columns() -> {"d": […], "R": […], result: […], "reason": […]}, a value for each run."""

@@ -106,7 +106,7 @@ def test_what_a_report_lists(monkeypatch):
     assert made._repr_mimebundle_() == {}
     monkeypatch.setenv("LABKIT_RECORD", "1")
     assert made._repr_mimebundle_() == {
-        MIME: {"ok": False, "answer": "1, 2", "right": "1, 2.12346"}
+        MIME: {"ok": False, "answer": "1, 2", "right": "1, 2.12346", "within": "1 %"}
     }
     assert check(None, 1 - 2j)._repr_mimebundle_()[MIME]["right"] == "1-2j"
     assert check("so", {"so"})._repr_mimebundle_()[MIME]["right"] == "so"
@@ -114,4 +114,23 @@ def test_what_a_report_lists(monkeypatch):
         "ok": True,
         "answer": "True",
         "right": "True",
+        "within": "",
     }
+
+
+@pytest.mark.parametrize(
+    "right, allowed, words",
+    [
+        (4.7, {}, "1 %"),
+        (4.7, {"rel": 2e-3}, "0.2 %"),
+        (7, {"abs": 0.5}, "0.5"),  # more than 1 % of it
+        (3 - 4j, {"abs": 0.01, "rel": 0.05}, "5 %"),
+        ([0, 100], {"abs": 0.5}, "0.5 or 1 %"),
+        (("node", 2.0), {}, "1 %"),
+        ("longer", {}, ""),
+        ({"limit cycle", "cycle"}, {}, ""),
+        (True, {}, ""),
+    ],
+)
+def test_what_was_allowed_is_said_for_the_report(right, allowed, words):
+    assert check(right, right, **allowed).within == words == check(None, right, **allowed).within

@@ -584,6 +584,8 @@ posix = pytest.mark.skipif(
 def test_the_cache_is_a_folder_of_the_users_own(tmp_path, monkeypatch):
     good = tmp_path / "good"
     monkeypatch.setenv("LABKIT_CACHE", str(good))
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(cache, "_users", lambda: tmp_path / "file" / "home")
     cache.write("a.bin", b"code")
     assert cache.folder() == good and cache.read("a.bin") == b"code" and cache.has("a.bin")
     assert good.stat().st_mode & 0o777 == 0o700
@@ -599,18 +601,36 @@ def test_the_cache_is_a_folder_of_the_users_own(tmp_path, monkeypatch):
     monkeypatch.setenv("LABKIT_CACHE", str(tmp_path / "link"))
     assert cache.folder() != good and cache.read("a.bin") is None
     monkeypatch.setenv("LABKIT_CACHE", str(tmp_path / "file" / "inside"))
-    (tmp_path / "file").write_text("")
     assert cache.folder().stat().st_mode & 0o777 == 0o700  # one of this process's own
     assert cache.folder() == cache.folder()
 
 
 @posix
-def test_a_folder_of_another_user_is_not_read(tmp_path, monkeypatch):
-    monkeypatch.setenv("LABKIT_CACHE", str(tmp_path))
-    tmp_path.chmod(0o700)
+@pytest.mark.parametrize("owner, code", [(0, b"code"), (4321, None)])
+def test_a_folder_of_the_administrator_is_read_and_of_another_user_is_not(
+    tmp_path, monkeypatch, owner, code
+):
+    """A cache for all users of a server: nobody else writes to it, what is new goes home."""
+    shared, home = tmp_path / "shared", tmp_path / "home"
+    monkeypatch.setenv("LABKIT_CACHE", str(shared))
     cache.write("a.bin", b"code")
-    monkeypatch.setattr(os, "geteuid", lambda: 12345)
-    assert cache.folder() != tmp_path and cache.read("a.bin") is None
+    monkeypatch.setattr(cache, "_users", lambda: home)
+    state, opened = os.lstat, os.fstat
+
+    def owned(found):
+        return os.stat_result([*found[:4], owner, *found[5:]])
+
+    theirs = state(shared / "a.bin").st_ino
+    monkeypatch.setattr(
+        os, "lstat", lambda path: owned(state(path)) if path == shared else state(path)
+    )
+    monkeypatch.setattr(
+        os, "fstat", lambda k: owned(opened(k)) if opened(k).st_ino == theirs else opened(k)
+    )
+    user = os.geteuid() + 7
+    monkeypatch.setattr(os, "geteuid", lambda: user)
+    assert cache.read("a.bin") == code and cache.has("a.bin") == bool(code)
+    assert cache.folder() != shared
 
 
 def test_damaged_code_is_made_anew():

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from pathlib import Path
 
 import pytest
 
@@ -79,7 +80,28 @@ def test_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
         moved.append(goal)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("labkit.copies.shutil.move", full)
+    monkeypatch.setattr("labkit.copies.os.replace", full)
     with pytest.raises(ModelError, match="No space left on device"):
         copy_project(WHOLE[0], tmp_path / "mine")
     assert moved and os.listdir(tmp_path / "mine") == []
+
+
+@pytest.mark.parametrize("way", ["beside", "interrupted"])
+def test_another_call_on_the_same_folder_and_an_interrupt_leave_nothing_of_this_one(
+    tmp_path, monkeypatch, way
+):
+    """Both have looked and found the folder empty; of two one gets it."""
+    folder, touch = tmp_path / "mine", Path.touch
+
+    def late(path, **options):
+        if path.name == REPORT:
+            if way == "interrupted":
+                raise KeyboardInterrupt
+            path.write_text("of the other call")
+        touch(path, **options)
+
+    monkeypatch.setattr(Path, "touch", late)
+    with pytest.raises(KeyboardInterrupt if way == "interrupted" else ModelError):
+        copy_project(WHOLE[0], folder)
+    left = {path.name: path.read_text() for path in folder.iterdir()}
+    assert left == ({} if way == "interrupted" else {REPORT: "of the other call"})

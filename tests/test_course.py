@@ -169,7 +169,9 @@ def test_the_start_page_is_brought_up_to_date(folder):
     assert "".join(written["source"]) == catalogue()._repr_markdown_()
 
 
-def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, monkeypatch):
+def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, tmp_path, monkeypatch):
+    (tmp_path / "notebooks").mkdir(exist_ok=True)
+    monkeypatch.chdir(tmp_path / "notebooks")  # a kernel works in its notebook's folder
     shown = []
 
     class Place:
@@ -188,7 +190,7 @@ def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, monkeypatc
     made = []
     monkeypatch.setattr("labkit.copies.copy_project", lambda *words: made.append(words))
     button.click()
-    assert made == [(6, course.ROOT / "project-6")] and "project-6" in said.value
+    assert made == [(6, tmp_path / "project-6")] and "project-6" in said.value
     slider.value = 7
     assert said.value == ""
 

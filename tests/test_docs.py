@@ -29,13 +29,18 @@ def test_ten_demonstrations_and_only_commands_that_there_are():
 
 
 def test_the_layer_is_lost_by_scipy_and_found_here():
-    found = solve_ivp(
-        lambda t, y: [y[1], -9.81],
-        (0, 2),
-        [10.0, 0.0],
-        events=lambda t, y: (y[0] - 0.4) * (y[0] - 0.6),
-    )
-    assert len(found.t_events[0]) == 0
+    def by_scipy(**options):
+        return solve_ivp(
+            lambda t, y: [y[1], -9.81],
+            (0, 2),
+            [10.0, 0.0],
+            events=lambda t, y: (y[0] - 0.4) * (y[0] - 0.6),
+            **options,
+        )
+
+    lost, found = by_scipy(), by_scipy(max_step=0.0146)
+    assert len(lost.t_events[0]) == 0 and len(found.t_events[0]) == 2
+    assert (len(lost.t) - 1, len(found.t) - 1) == (6, 140)
     ball = System(
         "ball",
         {"y": "m", "v": "m/s"},

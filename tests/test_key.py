@@ -43,7 +43,9 @@ def test_the_key_is_for_the_students_values(tmp_path):
     assert differ[0][1].startswith("my period")
     text = str(found)
     assert "key: period" in text and "has: my period" in text
-    assert found.answers and all(mark == "…" for *_, mark in found.answers)
+    right = {name: right for name, right, _, _ in found.answers}
+    assert right["my_first_slip"] == "0.735 (within 0.1 %)"
+    assert all(mark == "…" for *_, mark in found.answers)
 
 
 def test_what_is_no_students_folder(tmp_path):

@@ -2,8 +2,11 @@
 
 import json
 import os
+import re
+import signal
 import subprocess
 import sys
+import time
 import venv
 from pathlib import Path
 
@@ -290,6 +293,68 @@ def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):
     )
     assert main.main([]) == 1
     assert capsys.readouterr().err.strip() == "labkit: this is Python 2"
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (["new", "0", "mine"], "there is no project 0: a project number is a whole number"),
+        (["new", "abc", "mine"], "there is no project 'abc'"),
+        (["new", "²", "mine"], "there is no project '²'"),
+        (["new", "13"], "say the number of your project and a folder"),
+        (["new", "13", "file"], "'file' cannot be written .*choose a folder"),
+        (["new", "13", "x" * 300], "cannot be written .*choose a folder"),
+        (["report", "file"], "there is no folder 'file'"),
+        (["key", "31"], "there is no project 31"),
+        (["key", "-1"], "there is no project -1"),
+        (["key", "file"], "has no copies that"),
+        (["page", "."], "is a folder: say a notebook"),
+        (["page", "broken.ipynb"], "broken.ipynb' is no notebook .*: take another one"),
+        (["page", "list.ipynb"], "list.ipynb' is no notebook"),
+        (["page", "empty.ipynb"], "empty.ipynb' is no notebook"),
+        (["site", "file"], "'file' exists and holds no site"),
+        (["site", "file/public"], "'file.public' cannot be written"),
+        (["site", "public", "nowhere"], "no notebooks in 'nowhere'"),
+        (["run", "empty"], "there are no notebooks in 'empty'"),  # not all of the workbook's
+        (["run", "broken.ipynb"], "1 failed"),
+    ],
+)
+def test_bad_words_are_one_sentence_and_leave_nothing(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(main, "warm", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    Path("empty").mkdir()
+    for name, text in {"broken": "{", "list": "[1]", "empty": ""}.items():
+        Path(f"{name}.ipynb").write_text(text)
+    before = sorted(tmp_path.rglob("*"))
+    assert main.main(["--here", *words]) == 1
+    error = capsys.readouterr().err.strip()
+    assert re.search(said, error) and error.startswith("labkit: ") and "\n" not in error
+    assert sorted(tmp_path.rglob("*")) == before and Path("broken.ipynb").read_text() == "{"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no Ctrl-C to send to one process")
+def test_an_interrupt_ends_it_with_its_kernels_in_a_word(tmp_path):
+    """Of several at work, too; the notebooks are as they were."""
+    cell = {"cell_type": "code", "metadata": {}, "execution_count": None, "outputs": []}
+    text = "import os, time\nopen(f'{os.getpid()}.pid', 'w').close()\ntime.sleep(600)"
+    page = {"cells": [cell | {"source": text}], "metadata": {}, "nbformat": 4, "nbformat_minor": 4}
+    for name in "ab":
+        (tmp_path / f"{name}.ipynb").write_text(json.dumps(page))
+    command = [sys.executable, "-m", "labkit", "--here", "report", str(tmp_path)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as made:
+        begin = time.monotonic()
+        while len(list(tmp_path.glob("*.pid"))) < min(2, os.cpu_count()):
+            assert time.monotonic() - begin < 120 and made.poll() is None
+            time.sleep(0.1)
+        made.send_signal(signal.SIGINT)
+        error = made.communicate(timeout=60)[1]
+    assert made.returncode == 130 and error.strip().endswith("labkit: stopped"), error
+    assert "Traceback" not in error and not list(tmp_path.glob("*.html"))
+    for path in tmp_path.glob("*.pid"):
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(path.stem), 0)
 
 
 # ---- one notebook as a page

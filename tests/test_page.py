@@ -145,5 +145,5 @@ def test_folded_code_alternative_texts_and_links(tmp_path, browser):
 def test_a_page_that_cannot_be_written_says_so(tmp_path):
     with pytest.raises(ModelError, match="choose a folder that exists"):
         page(FOLDER / "start.ipynb", tmp_path / "missing")
-    with pytest.raises(OSError):
+    with pytest.raises(ModelError, match="No such file"):
         page(tmp_path / "missing.ipynb", tmp_path)

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labkit import ModelError, characteristic, explore, from_points, movable, simulate
+from labkit import (
+    Ended,
+    ModelError,
+    Transition,
+    characteristic,
+    explore,
+    from_points,
+    movable,
+    simulate,
+)
 from labkit.switching import Builder
 
 from .test_characteristics import FORMULAS, law, pendulum
@@ -92,6 +101,20 @@ def test_a_movable_curve_is_the_plain_one_until_it_is_moved(branches):
         runs = [simulate(one, 40.0, rtol=1e-10, backend=backend) for one in (own, plain)]
         assert runs[0].final == pytest.approx(runs[1].final, abs=1e-9)
     assert set(own.parameters) == set(system.parameters) | set(mine.values)
+
+
+@pytest.mark.parametrize("branches", [(ZONE,), (RISING, FALLING)])
+def test_what_ends_a_run_of_the_system_ends_one_with_the_curve(branches):
+    """Also where the system left from some of its pieces only: the new ones are others."""
+    system = pendulum(characteristic("saturation"), SIZES)
+    wall = Transition(
+        tuple(system.modes)[:1], None, lambda t, s, p: abs(s.x) - 1.2, 1, label="the wall"
+    )
+    walled = system.variant("walled", transitions=[*system.transitions, wall])
+    own = movable(*branches).put_in(walled, law, "N")
+    assert max(abs(simulate(movable(*branches).put_in(system, law), 40.0)["x"])) > 1.3
+    run = simulate(own, 40.0)
+    assert run.ended is Ended.TERMINAL and abs(run.final["x"]) == pytest.approx(1.2)
 
 
 def test_a_jump_shares_its_place_and_the_ends_of_two_branches_their_force():

@@ -57,7 +57,8 @@ def test_it_says_what_it_does_and_what_failed(made):
     folder, paths, said = made
     assert [path.name for path in paths][:2] == ["report.html", "slides.html"]
     assert ("report.pdf" in [path.name for path in paths]) == (find_browser() is not None)
-    assert said[0] == "1 of 2: one.ipynb" and "division by zero" in said[2]
+    assert {line.partition(" of 2: ")[2][:13] for line in said} == {"one.ipynb", "two.ipynb, wh"}
+    assert said[0][:7] == "1 of 2:" and "division by zero" in "".join(said)
     text = paths[0].read_text(encoding="utf-8")
     assert "two.ipynb, what failed: cell 4: ZeroDivisionError: division by zero" in text
     assert "This cell failed. ZeroDivisionError" in text and "Traceback" not in text
@@ -71,8 +72,8 @@ def test_the_report_has_contents_figures_formulas_and_answers(made):
     assert "<b>Figure 1.</b> A swing" in text and 'id="figure-2"' in text and "<math>" in text
     assert "Predictions and answers" in text and "1 of 2 right" in text
     row = text[text.index("<td>my_period</td>") :]
-    assert row.startswith("<td>my_period</td><td>3</td><td>3.14159</td><td>✓</td>")
-    assert "<td>my_word</td><td>–</td><td></td><td>…</td>" in text
+    assert row.startswith("<td>my_period</td><td>3</td><td>3.14159</td><td>10 %</td><td>✓</td>")
+    assert "<td>my_word</td><td>–</td><td></td><td></td><td>…</td>" in text
     assert "labkit-recording" not in text[text.index("<main") :]
     assert "http://" not in text.replace("http://www.w3.org", "")
 
@@ -114,6 +115,40 @@ def test_folders_that_are_no_project(tmp_path):
         report(tmp_path / "nowhere")
     with pytest.raises(ModelError, match="no notebooks"):
         report(tmp_path)
+    write(tmp_path / "one.ipynb", ONE)
     (tmp_path / "broken.ipynb").write_text("{")
-    with pytest.raises(ModelError, match=r"broken.ipynb is no notebook"):
+    said = []
+    with pytest.raises(ModelError, match=r"broken.ipynb' is no notebook .*: take another one"):
+        report(tmp_path, said.append)
+    assert not said and not list(tmp_path.glob("*.html"))  # before anything has run
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anything_runs(tmp_path, monkeypatch):
+    write(tmp_path / "one.ipynb", ONE)
+    (tmp_path / ".labkit").write_text("a file in the way")
+    monkeypatch.setattr("labkit.report.executed", lambda *_, **__: pytest.fail("it ran"))
+    with pytest.raises(ModelError, match="cannot be written .*choose a folder"):
         report(tmp_path, lambda text: None)
+
+
+def test_a_notebook_that_was_edited_by_hand(tmp_path):
+    """Cells without names and results, a raw cell, a title that looks like HTML, a damaged copy
+    of what had run, an editor's mark at the beginning of the file.
+    """
+    cells = [
+        {"cell_type": "markdown", "source": '# A <b>bold</b> "title" & Übung'},
+        {"cell_type": "raw", "metadata": {}, "source": "raw"},
+        {"cell_type": "code", "source": "print(6 * 7)"},
+        {"cell_type": "code", "source": ""},
+    ]
+    page = {"cells": cells, "nbformat": 4, "nbformat_minor": 5}
+    text = json.dumps(page, ensure_ascii=False)
+    (tmp_path / "by hand.ipynb").write_text(text, encoding="utf-8-sig")
+    (tmp_path / ".labkit").mkdir()
+    (tmp_path / ".labkit" / "by hand.ipynb").write_text('{"cells": [')
+    made, slides, *_ = report(tmp_path, lambda text: None)
+    found = made.read_text(encoding="utf-8")
+    assert ">42" in found.replace("\n", "") and "Übung" in found
+    for path in (made, slides):
+        head = path.read_text(encoding="utf-8").partition("</title>")[0]
+        assert "<b>" not in head.rpartition("<title>")[2]

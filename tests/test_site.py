@@ -6,7 +6,7 @@ import re
 import pytest
 
 from labkit import ModelError
-from labkit.site import site
+from labkit.site import _finish, site
 
 from .test_report import ONE, TWO, write
 
@@ -76,6 +76,27 @@ def test_what_pages_share_stands_in_one_file(made):
     page = (made[1] / "part1" / "one.html").read_text(encoding="utf-8")
     assert len(re.sub(r"<script type=.*?</script>|<img[^>]*>", "", page, flags=re.S)) < 60_000
     assert 'href="../labkit.css"' in page and 'src="../labkit.js"' in page
+
+
+def test_links_to_names_of_all_kinds(tmp_path):
+    name = 'a "b" & <c> #1 50% übung?'
+    (tmp_path / f"{name}.html").write_text("<h1>It</h1><main>words</main>")
+    _finish(tmp_path, [name])
+    link = "a%20%22b%22%20%26%20%3Cc%3E%20%231%2050%25%20%C3%BCbung%3F.html"
+    assert f'href="{link}"' in (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert f'["{link}",' in (tmp_path / "labkit-search.js").read_text(encoding="utf-8")
+
+
+def test_an_interrupted_site_is_a_site(tmp_path, monkeypatch):
+    write(tmp_path / "one.ipynb", TWO[:3])
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("labkit.site.in_parallel", stop)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            site(tmp_path / "public", tmp_path)
 
 
 def test_a_folder_with_something_else_is_left_alone(tmp_path):

@@ -33,7 +33,7 @@ from PIL import Image
 
 from ..arguments import asked
 from ..model import ModelError, System
-from ..run import _write
+from ..run import write_whole
 from ..show import latex_name
 from .private import Canvas, size_of_words
 from .ticks import Between, Numbers, Spaced
@@ -330,7 +330,7 @@ class Figure(matplotlib.figure.Figure):
 
         Whole or not at all; ModelError when that fails.
         """
-        return _write(path, self.png(dpi))
+        return write_whole(path, self.png(dpi))
 
     @property
     def css_size(self) -> tuple[int, int]:
