@@ -197,8 +197,12 @@ def happen(model, w, p, q):
         w.queue_t[i[PENDING]], w.queue[i[PENDING]] = t + w.delay[i[LANE]][q], q
         i[PENDING] += 1
         return PAUSE
-    if i[KIND] == CROSSED and begin_sliding(model, w, p, q) == 1:
+    slides = begin_sliding(model, w, p, q) if i[KIND] == CROSSED else 0
+    if slides == 1:
         return start_sliding(model, w, p)
+    if slides == 2:
+        i[WHO] = q
+        return LOOP
     return fire(model, w, p, q)
 
 

@@ -30,6 +30,7 @@ def begin(model, w, p, lane):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
         w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
+        w.leap[slot] = 0
         w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = (
             0.0,
             0.0,

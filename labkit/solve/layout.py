@@ -169,6 +169,7 @@ def workspace(z):
         # guards between steps, by slot
         ("side", "i", (slots,)),
         ("flat", "i", (slots,)),  # zero where the step begins
+        ("leap", "i", (slots,)),  # 1: it jumps, or is steeper than the clock is fine; −1: not
         ("awake", "f", (slots,)),  # … and from this time on clear of zero
         ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
         (
