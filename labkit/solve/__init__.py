@@ -65,7 +65,9 @@ def simulate(
                   unit of the states, or state name -> number; None (also for states that are not
                   named): a hundredth of rtol times the largest size that the state has had, so
                   that no unit matters
-    max_step      bounds the step
+    max_step      bounds the step. A flow that is quiet and then pulses by itself (if 3 < t < 3.1)
+                  may be stepped over unnoticed: make the pulse events (at=), or bound the step by
+                  its length. Tables, np.interp(t, …), are never stepped over
     points        number of equidistant samples, or an array of times; every event adds one before
                   and one after
     locate        False: events are noticed only at the end of a step, as by a solver that knows
@@ -79,7 +81,8 @@ def simulate(
 
     Raises ModelError for bad input, for a start that does not fit its mode, and for a model whose
     functions do not fit it. A run that cannot go on is no error: it ends early, run.ended tells why
-    and run.stopped says it in a sentence.
+    and run.stopped says it in a sentence. From a start on the very edge of two basins tolerance and
+    rounding decide where it goes, and nothing tells so: compare two tolerances.
     """
     began = perf_counter()
     options = (t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events)
