@@ -229,7 +229,7 @@ def test_growth_without_bound_is_called_diverged(law, method):
             [Mode("m", lambda t, s, p: tuple(p.r * rate for rate in GROWTH[law](t, s, p)))],
             start={"x": -1.0 if law == "downwards" else 1.0},
         )  # fmt: skip
-        run = simulate(system, 800 * unit, method=method, backend="plain")
+        run = simulate(system, 800 * unit, method=method, backend="plain", rtol=1e-3)
         assert run.ended is Ended.DIVERGED and run.stopped.startswith("diverged: |x| = ")
 
 
@@ -333,7 +333,7 @@ def test_what_leaves_rest_by_its_third_derivative_does_not_cross_by_rounding(met
         {"x": 0.0, "v": 0.0},
     )  # fmt: skip
     dice = random.Random(method)
-    for _ in range(12):
+    for _ in range(6):
         K, phase = dice.uniform(0.3, 0.9), dice.uniform(-3.0, 0.0)
         run = simulate(relay, 5.0 - phase, method=method, backend="plain", K=K, phase=phase)
         leaves, *later = (event.t for event in run.events)
