@@ -73,6 +73,8 @@ def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tupl
         step = settings.step if fixed else tried if settings.external else 0.0
         if why := trouble(system, mode, float(w.f[core.T]), state, p, step):
             return Ended.NOT_A_NUMBER, f"not a number: {why}"
+        if any(abs(x) > 1e100 for x in state):  # what is made of it is no number then
+            return _why_no_step(settings, w, p)
     if status not in ENDINGS:
         return _why_no_step(settings, w, p)
     transitions = settings.system.transitions
