@@ -802,13 +802,13 @@ class System:
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
             start = named(start, "start")
+            if unknown := [key for key in start if key not in self.units]:
+                raise ModelError(
+                    f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has "
+                    f"{listed(names)}"
+                )
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
-        if unknown := [key for key in start if key not in self.units]:
-            raise ModelError(
-                f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has "
-                f"{listed(names)}"
-            )
         if missing := [key for key in names if key not in start]:
             raise ModelError(
                 f"start gives no value for {listed(missing)}: mode {mode!r} has the states "

@@ -92,43 +92,44 @@ def simulate(
     values, name = start_of(system, start, mode, st.options.t0, p)
     state, first = np.zeros((1, st.length)), st.place[name]
     state[0, st.places[name]] = values
-    lanes = np.array([p], dtype=float)
-    clock, refused = clocks(st, lanes)
+    clock, refused = clocks(st, np.array([p], dtype=float)) if st.timed else ({}, {})
     if refused:
         raise refused[0]
     batch = pool.take(pool.code(1, lambda: try_functions(st, state[0], first, p)), 1)
-    batch.load(lanes, state, np.array([first]), clock)
+    batch.load(p, state, np.array([first]), clock)
     batch.run()
     ended, stopped = batch.endings[0]
     if ended is Ended.REFUSED:
         raise ModelError(stopped)
     out = samples(batch.out)
     ledger, pieces = batch.ledger(), batch.pieces()
-    run = Run(
-        system,
-        p,
-        out.t,
-        out.j,
-        out.mode_index,
-        out.values,
-        Events(system, ledger),
-        stopped,
-        Work(
-            *batch.done[0][_COSTS].tolist(),
-            len(ledger),
-            perf_counter() - began,
-            st.method,
-            "plain" if batch.code is None else "compiled",
-        ),
-        pieces,
-        batch.touches.get(0, []),
-        ended,
-        batch.notes.get(0, []),
-        MappingProxyType({**st.options.given, "start": start, "mode": mode}),
-        simulate,
-        out.other,
-        out.part,
-        lambda: faded(st, pieces, p),
+    work = Work(
+        *batch.done[0, _COSTS].tolist(),
+        len(ledger),
+        perf_counter() - began,
+        st.method,
+        "plain" if batch.code is None else "compiled",
+    )
+    run = Run.__new__(Run)  # __init__ of a frozen dataclass takes a fortieth of a short run's time
+    vars(run).update(
+        system=system,
+        p=p,
+        t=out.t,
+        j=out.j,
+        mode_index=out.mode_index,
+        values=out.values,
+        events=Events(system, ledger),
+        stopped=stopped,
+        work=work,
+        pieces=pieces,
+        touches=batch.touches.get(0, []),
+        ended=ended,
+        said=batch.notes.get(0, []),
+        options=MappingProxyType({**st.options.given, "start": start, "mode": mode}),
+        make=simulate,
+        other=out.other,
+        part=out.part,
+        look=lambda: faded(st, pieces, p),
     )
     pool.give_back(batch)
     return run
@@ -273,7 +274,7 @@ def _gather(
     able = np.ones(lanes, dtype=bool)
     able[list(refused)] = False
     done = np.concatenate([batch.done for batch in batches])
-    counts, out = np.ones(lanes, dtype=int), np.concatenate([batch.out for batch in batches])
+    counts, parts = np.ones(lanes, dtype=int), [batch.out for batch in batches]
     counts[able] = np.concatenate(
         [np.diff(batch.done[:, core.END], prepend=0) for batch in batches]
     )
@@ -288,15 +289,16 @@ def _gather(
         notes |= {lane_of[before + k]: found for k, found in batch.notes.items()}
         before += batch.lanes
     if refused:
-        starts = np.zeros((lanes - before, out.shape[1]))
+        starts = np.zeros((lanes - before, parts[0].shape[1]))
         starts[:, 0], starts[:, 1] = st.options.t0, modes[~able]
         starts[:, 3], starts[:, 5:] = -1, states[~able]
-        out = np.insert(out, (ends - counts)[~able] - np.arange(len(starts)), starts, axis=0)
+        places = (ends - counts)[~able] - np.arange(len(starts))
+        parts = [np.insert(np.concatenate(parts), places, starts, axis=0)]
     backend = "plain" if batches[0].code is None else "compiled"
     return Runs(
         st.system,
         p,
-        samples(out),
+        samples(*parts),
         ends,
         [
             (Ended.REFUSED, str(refused[lane])) if lane in refused else next(endings)

@@ -37,7 +37,7 @@ class Settings:
     """Settings(options): made once for many runs, and never changed.
 
     width, length   most states of any mode; these and the held variables: a state's vector
-    places          mode -> where its states and the held variables stand in it
+    places          mode -> where its states and the held variables stand in it: an index
     timed           whether there are dead times or schedules
     absolute        (modes, width) the part of a tolerance that does not grow with the state, or −1
     fixed, sizes    fields of the workspace that are the same for every run; what the others' sizes
@@ -57,7 +57,7 @@ class Settings:
         self.modes = list(system.modes)
         self.place = {mode: index for index, mode in enumerate(self.modes)}
         self.width, self.length = system.width, system.width + len(system.held)
-        self.places = {mode: np.array([*system.places(mode).values()]) for mode in self.modes}
+        self.places = {mode: _run_of([*system.places(mode).values()]) for mode in self.modes}
         self.plans = [tr for tr in system.transitions if tr.at is not None]
         self.timed = bool(self.plans) or any(tr.delay != 0 for tr in system.transitions)
         self.absolute = self._absolute()
@@ -210,3 +210,8 @@ class Settings:
             name: np.ascontiguousarray(value, dtype=float if kinds[name] == "f" else np.int64)
             for name, value in fixed.items()
         }
+
+
+def _run_of(places: list[int]) -> slice | list[int]:
+    """Places as a slice where they are the first ones: assigned to in a third of the time."""
+    return slice(len(places)) if places == [*range(len(places))] else places
