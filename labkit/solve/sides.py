@@ -306,7 +306,7 @@ def sides(model, w, p, how, fired):
     n, count = w.size[mode], watch_count(w, mode)
     if how == ENTERED:
         for q in range(i[TRANSITIONS]):  # the mode they leave is gone
-            if not leaves(w, q, mode):
+            if w.wait[q + 2] == 1 and not leaves(w, q, mode):
                 w.wait[q + 2] = 0
     if count == 0:
         return PAUSE

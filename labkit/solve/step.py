@@ -18,13 +18,14 @@ def combine(n, first, last, column, value, rows, h, y, out):
     """
     i = 0
     while i + 1 < n:
+        j = i + 1
         one, two = 0.0, 0.0
         for q in range(first, last):
             factor, k = value[q], rows[column[q]]
             one += factor * k[i]
-            two += factor * k[i + 1]
+            two += factor * k[j]
         out[i] = y[i] + h * one
-        out[i + 1] = y[i + 1] + h * two
+        out[j] = y[j] + h * two
         i += 2
     if i < n:
         one = 0.0
@@ -83,14 +84,14 @@ def explicit_step(model, w, p, mode, n, t, h):
     w.f[LAMBDA] becomes h·|λ|, as far as the last two stages, both at t + h, tell (Hairer and
     Wanner, IV.2); in every fourth step, else 0.
     """
-    k, y, y_new, err = w.k, w.y, w.y_new, w.err
-    a_from, a_column, a_value = w.a_from, w.a_column, w.a_value
-    stages = w.i[STAGES]
+    k, y, y_new, y_try, err = w.k, w.y, w.y_new, w.y_try, w.err
+    a_from, a_column, a_value, c = w.a_from, w.a_column, w.a_value, w.c
+    stages, unseen = w.i[STAGES], w.i[UNSEEN]
     every = 0.0
     for stage in range(1, stages):
-        combine(n, a_from[stage], a_from[stage + 1], a_column, a_value, k, h, y, w.y_try)
-        rates(model, w, mode, n, t + w.c[stage] * h, w.y_try, p, k[stage])
-        if stage < w.i[UNSEEN]:
+        combine(n, a_from[stage], a_from[stage + 1], a_column, a_value, k, h, y, y_try)
+        rates(model, w, mode, n, t + c[stage] * h, y_try, p, k[stage])
+        if stage < unseen:
             for i in range(n):
                 every += k[stage][i]
     combine(n, a_from[stages], a_from[stages + 1], a_column, a_value, k, h, y, y_new)
@@ -114,7 +115,7 @@ def explicit_step(model, w, p, mode, n, t, h):
         high += one * one
         low += two * two
         if asked:
-            one, two = k[stages][i] - k[stages - 1][i], y_new[i] - w.y_try[i]
+            one, two = k[stages][i] - k[stages - 1][i], y_new[i] - y_try[i]
             slopes += (one / scale) * (one / scale)
             places += (two / scale) * (two / scale)
     w.f[LAMBDA] = h * sqrt(slopes / places) if 0.0 < places < 1e290 and slopes < 1e290 else 0.0
@@ -166,12 +167,13 @@ def evaluate(w, n, theta, out):
     poly, degree = w.poly, w.i[DEGREE]
     i = 0
     while i + 1 < n:
-        one, two = poly[degree][i], poly[degree][i + 1]
+        j = i + 1
+        one, two = poly[degree][i], poly[degree][j]
         for d in range(degree - 1, -1, -1):
             power = poly[d]
             one = one * theta + power[i]
-            two = two * theta + power[i + 1]
-        out[i], out[i + 1] = one, two
+            two = two * theta + power[j]
+        out[i], out[j] = one, two
         i += 2
     if i < n:
         one = poly[degree][i]
