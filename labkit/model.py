@@ -276,9 +276,10 @@ class Transition:
       start that is an error in words, unless `urgent` says what to do.
     - Without a direction, a change of mode that keeps the state crosses a guard that is zero there
       if the new flow turns it back. Two modes that send each other back so slide on their surface.
-    - Schedules with an equal `at` are one clock: only what leaves the mode in which it strikes
-      fires. Different clocks each strike, in whatever mode the one before them has left behind. A
-      dead time runs on, whatever its guard does, and is dropped if its mode is not the current one.
+    - Schedules with an equal `at` (equal numbers, names, formulas of p) are one clock: only what
+      leaves the mode in which it strikes fires. Different clocks each strike, in whatever mode the
+      one before them has left behind. A dead time runs on, whatever its guard does, and is dropped
+      if its mode is not the current one.
     - Flights of one guard too small to be told from rest have piled up: over to `zeno`, or the run
       ends and says so; so it is when a reset takes away the speed with which the guard came.
     - The end of a run is an instant like others, and what happens at it belongs to this run, not to
@@ -781,13 +782,13 @@ class System:
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
             start = named(start, "start")
+            if unknown := [key for key in start if key not in self.units]:
+                raise ModelError(
+                    f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has "
+                    f"{listed(names)}"
+                )
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
-        if unknown := [key for key in start if key not in self.units]:
-            raise ModelError(
-                f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has "
-                f"{listed(names)}"
-            )
         if missing := [key for key in names if key not in start]:
             raise ModelError(
                 f"start gives no value for {listed(missing)}: mode {mode!r} has the states "

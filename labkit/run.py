@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,8 +53,7 @@ class Ended(StrEnum):
     REFUSED = "refused start"  # does not fit its mode; only among the runs of simulate_many
 
 
-@dataclass(frozen=True)
-class Work:
+class Work(NamedTuple):
     """run.work.steps: what a run cost, and by which means.
 
     Accepted and rejected steps, evaluations of flows and of guards, events, seconds (of a run of

@@ -10,6 +10,7 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +21,7 @@ from .run import Ended, Run, Work, column
 __all__ = ["Runs", "Samples"]
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(NamedTuple):
     """Samples(t, mode_index, j, values, other, part): see Run, of one run or of many in a row."""
 
     t: np.ndarray
@@ -33,8 +33,7 @@ class Samples:
 
     def cut(self, rows: slice) -> Samples:
         """samples.cut(slice(10, 20)) -> those rows, in the same memory."""
-        arrays = (self.t, self.mode_index, self.j, self.values, self.other, self.part)
-        return Samples(*(None if array is None else array[rows] for array in arrays))
+        return Samples(*(None if array is None else array[rows] for array in self))
 
     def column(self, system: System, p: tuple, name: str) -> np.ndarray:
         """samples.column(system, p, "x") -> (m,) a state, held variable or output."""

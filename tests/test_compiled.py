@@ -225,6 +225,29 @@ def test_random_expressions_are_pythons(texts):
                 assert alike(plain[0], fast[0]), (text, t, y, plain[0], fast[0])
 
 
+def test_squares_are_pythons_to_the_last_bit():
+    """pow(x, 2.0) is another number than x*x for about one x in 1,200."""
+    names = [f"x{k}" for k in range(20)]
+    squares = System(
+        "squares",
+        dict.fromkeys(names, ""),
+        modes=[Mode("m", flow_of(*(f"s.{name}**2" for name in names)))],
+        start=dict.fromkeys(names, 1.0),
+    )
+    chance = random.Random(7)
+    seen = 0
+    for _ in range(1000):
+        y = [chance.uniform(-2.0, 2.0) * 2.0 ** chance.randint(-560, 500) for _ in names]
+        plain, fast = both(squares, 0, 0.0, y)
+        assert plain == fast, [v.hex() for v, a, b in zip(y, plain, fast, strict=True) if a != b]
+        seen += sum(v * v != a for v, a in zip(y, plain, strict=True))
+    assert seen > 0  # else it has tried nothing
+    square = one(flow_of("s.x**2"))
+    for value in (0.0, -0.0, 5e-324, 1e-162, 1e-140, 1.3e154, 1e200, math.inf, math.nan):
+        (plain,), (fast,) = both(square, 0, 0.0, [value])
+        assert repr(plain) == repr(fast)
+
+
 # ---------------------------------------------------------------- whole numbers
 
 R, C, K, N = 6371000, 299792458, 100, 10
@@ -637,6 +660,25 @@ def test_damaged_code_is_made_anew():
     data = backend._packed(b"no machine code", b"")
     assert backend._load(data) is None
     assert backend._load(data[:-1]) is None and backend._load(b"") is None
+
+
+def test_loops_of_the_core_stay_loops():
+    """What `python -m labkit.solve` tells Numba is heard: else a run takes a fifth longer."""
+    text = """
+        from numba import njit
+        from labkit.solve.__main__ import keep_loops_short
+        def size():
+            def add(n, a):
+                for i in range(n):
+                    a[i] += 1.0
+            function = njit("void(int64, float64[::1])", no_cpython_wrapper=True)(add)
+            (code,) = function.inspect_asm().values()
+            return len(code)
+        long = size()
+        keep_loops_short()
+        assert size() < 0.85 * long, (size(), long)
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(text)], check=True)
 
 
 def test_numba_switched_off():

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from labkit import At, Ended, Mode, System, Transition, simulate
+from labkit import At, Ended, Every, Mode, System, Transition, simulate
 
 from .coincidences import bodies, contacts, floors, linear, restarts
 
@@ -208,3 +208,134 @@ def test_urgent_false_with_a_direction_waits_on_entering():
     )
     run = simulate(system, 2.0, backend="plain")
     assert [event.t for event in run.events] == [0.5] and run.final["x"] == pytest.approx(1.5)
+
+
+GROWTH = {
+    "exponential": lambda t, s, p: (s.x,),
+    "square": lambda t, s, p: (s.x * s.x,),
+    "cube": lambda t, s, p: (s.x**3,),
+    "exp": lambda t, s, p: (math.exp(s.x),),
+    "downwards": lambda t, s, p: (-math.sinh(s.x * s.x),),
+}
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "RK4", "LSODA", "BDF"])
+@pytest.mark.parametrize("law", GROWTH)
+def test_growth_without_bound_is_called_diverged(law, method):
+    """Also where a number overflows, and where the pole comes at 35."""
+    for unit in (1.0, 1e-6):  # of the time
+        system = System(
+            "growth", {"x": ""}, {"r": 1 / unit},
+            [Mode("m", lambda t, s, p: tuple(p.r * rate for rate in GROWTH[law](t, s, p)))],
+            start={"x": -1.0 if law == "downwards" else 1.0},
+        )  # fmt: skip
+        run = simulate(system, 800 * unit, method=method, backend="plain", rtol=1e-3)
+        assert run.ended is Ended.DIVERGED and run.stopped.startswith("diverged: |x| = ")
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK4", "BDF"])
+@pytest.mark.parametrize("part", ["flow", "guard"])
+def test_a_root_of_a_negative_number_is_named(part, method):
+    """In Python (-1.0)**0.5 is a complex number."""
+
+    def root(t, s, p):
+        return (2.0 - s.x) ** 0.5
+
+    guard = root if part == "guard" else lambda t, s, p: 1.0
+    system = System(
+        "tank", {"x": ""}, {},
+        [Mode("m", lambda t, s, p: (1.0 + (root(t, s, p) if part == "flow" else 0.0),))],
+        [Transition("m", None, guard=lambda t, s, p: 1.0 + guard(t, s, p), label="empty")],
+        {"x": 0.0},
+    )  # fmt: skip
+    run = simulate(system, 5.0, method=method, backend="plain")
+    what = "the flow of mode 'm'" if part == "flow" else "the guard of 'empty'"
+    assert run.ended is Ended.NOT_A_NUMBER
+    assert run.stopped.startswith(f"not a number: {what} is a complex number near t = ")
+    assert "max(…, 0)" in run.stopped and "float()" not in run.stopped
+
+
+@pytest.mark.parametrize("backend", BOTH)
+@pytest.mark.parametrize("directions", [(-1, 1), (0, 0)])
+def test_two_modes_that_push_towards_a_jump_do_not_slide_by_halves(directions, backend):
+    """A sign has no slope that says how the flows mix: that is said; half of each left the
+    surface.
+    """
+
+    def sign(t, s, p):
+        return 1.0 if s.x > 0 else -1.0
+
+    relay = System(
+        "relay", {"x": ""}, {},
+        [Mode("a", lambda t, s, p: (-1.0,)), Mode("b", lambda t, s, p: (3.0,))],
+        [
+            Transition("a", "b", guard=sign, direction=directions[0], label="down"),
+            Transition("b", "a", guard=sign, direction=directions[1], label="up"),
+        ],
+        {"x": 1.0},
+    )  # fmt: skip
+    run = simulate(relay, 3.0, backend=backend)
+    assert run.ended is Ended.LOOP and run.t[-1] == pytest.approx(1.0)
+    assert 'the guard of "up", which jumps there' in run.stopped
+
+
+def test_a_schedule_written_out_twice_is_one_clock():
+    """Two clocks would go to and fro at every instant."""
+
+    def circuit(one, other):
+        return System(
+            "circuit", {"x": ""}, {"T": 1.0},
+            [Mode("on", lambda t, s, p: (1.0,)), Mode("off", lambda t, s, p: (-1.0,))],
+            [Transition("on", "off", at=one), Transition("off", "on", at=other)],
+            {"x": 0.0},
+        )  # fmt: skip
+
+    half = 2
+    for one, other in (
+        (Every(lambda p: p.T / 2), Every(lambda p: p.T / 2)),
+        (Every("T", lambda p: p.T / half), Every("T", lambda p: p.T / half)),
+        (At(0.5, lambda p: p.T), At(0.5, lambda p: p.T)),
+    ):
+        run = simulate(circuit(one, other), 1.2, backend="plain")
+        assert all(e.source == ("off" if n % 2 else "on") for n, e in enumerate(run.events))
+        assert [e.t for e in run.events][:1] == [0.5] and len({e.t for e in run.events}) == len(
+            run.events
+        )
+    apart = simulate(circuit(Every(lambda p: p.T), Every(lambda p: 1 * p.T)), 1.2, backend="plain")
+    assert [e.target for e in apart.events] == ["off", "on"]
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "RK4"])
+def test_what_leaves_rest_by_its_third_derivative_does_not_cross_by_rounding(method):
+    """Force and holding force cancel at that instant but for their rounding, of either sign."""
+
+    def moving(sign):
+        return lambda t, s, p: (s.v, p.h * math.sin(t + p.phase) - sign * p.K)
+
+    def push(t, s, p):
+        return p.h * math.sin(t + p.phase) - p.K
+
+    def crosses(source, target, direction):
+        return Transition(source, target, guard=lambda t, s, p: s.x, direction=direction)
+
+    relay = System(
+        "relay at rest", {"x": "", "v": ""}, {"h": 1.0, "K": 0.8, "phase": 0.0},
+        [
+            Mode("rest", lambda t, s, p: (0.0, 0.0)),
+            Mode("right", moving(1)),
+            Mode("left", moving(-1)),
+        ],
+        [
+            Transition("rest", "right", guard=push, direction=1),
+            crosses("right", "left", -1),
+            crosses("left", "right", 1),
+        ],
+        {"x": 0.0, "v": 0.0},
+    )  # fmt: skip
+    dice = random.Random(method)
+    for _ in range(6):
+        K, phase = dice.uniform(0.3, 0.9), dice.uniform(-3.0, 0.0)
+        run = simulate(relay, 5.0 - phase, method=method, backend="plain", K=K, phase=phase)
+        leaves, *later = (event.t for event in run.events)
+        assert leaves == pytest.approx(math.asin(K) - phase, abs=1e-9)
+        assert not later or later[0] > leaves + 0.1

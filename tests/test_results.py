@@ -3,6 +3,7 @@
 Many runs as a sequence of runs.
 """
 
+import dataclasses
 import math
 import signal
 import subprocess
@@ -93,6 +94,7 @@ def test_options_say_how_it_was_made():
     with pytest.raises(TypeError):
         run.options["rtol"] = 1.0
     assert set(run.options) <= OPTIONS
+    assert vars(run).keys() == {each.name for each in dataclasses.fields(Run)}
     assert "given" not in run.options and "dense" not in run.options
 
 

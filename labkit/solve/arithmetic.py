@@ -142,6 +142,8 @@ class Arithmetic:
         kind = Number(floating or bound is None, bound, numpy)
         if numpy:
             return f"do_numpy_power({self._float(left)}, {self._float(right)})", kind
+        if exponent == 2:
+            return f"do_square({self._float(left)})", kind
         return f"do_power({self._float(left)}, {self._float(right)})", kind
 
     def _not_larger(self, bound: float | None, node: ast.AST) -> None:

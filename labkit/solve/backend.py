@@ -179,16 +179,23 @@ def _compile(function: Callable, arguments: tuple, returns: object) -> bytes:
         callee = ir.Function(module, inner, result.fndesc.llvm_func_name)
         kind = ir.FunctionType(back or ir.VoidType(), kinds)
         entry = ir.Function(module, kind, ENTRY)
-        builder = ir.IRBuilder(entry.append_basic_block())
-        call = context.call_conv.call_function
-        status, value = call(builder, callee, returns, arguments, entry.args)
+        # One call in a loop, not two: LLVM puts it in its place
+        first, again, done = (entry.append_basic_block() for _ in range(3))
+        builder = ir.IRBuilder(first)
+        builder.branch(again)
+        builder.position_at_end(again)
+        what = builder.phi(kinds[0])
+        what.add_incoming(entry.args[0], first)
+        status, value = context.call_conv.call_function(
+            builder, callee, returns, arguments, [what, *entry.args[1:]]
+        )
         if back is None:
-            with builder.if_then(status.is_error, likely=False):
-                what = builder.add(entry.args[0], ir.Constant(kinds[0], FAILED))
-                call(builder, callee, returns, arguments, [what, *entry.args[1:]])
-            builder.ret_void()
+            what.add_incoming(builder.add(what, ir.Constant(kinds[0], FAILED)), builder.block)
+            builder.cbranch(status.is_error, again, done)
         else:
-            builder.ret(value)
+            builder.branch(done)
+        builder.position_at_end(done)
+        builder.ret_void() if back is None else builder.ret(value)
         library.add_ir_module(module)
         library.add_linking_library(result.library)
         library.finalize()
@@ -220,7 +227,7 @@ CORE = "\n".join(
     if not line.startswith("from .")
 )
 #: What the compiled core depends on, and what compiled models depend on besides: how they are made.
-CORE_KEY = CORE + _source("backend") + repr((FLOW, GUARDS, RESET))
+CORE_KEY = CORE + _source("backend") + _source("__main__") + repr((FLOW, GUARDS, RESET))
 HOW = "\n".join(map(_source, ("backend", "source", "translate", "checked", "kinds")))
 
 
@@ -301,6 +308,13 @@ def _make_core() -> bytes:
             made.width = entry(2)
         return made._getvalue()
 
+    def told(builder, access, block):
+        """A store of a whole number leaves all floats as they were, and the other way round."""
+        module, zero = builder.module, ir.Constant(ir.IntType(64), 0)
+        kind = module.add_metadata([str(block.item), module.add_metadata(["labkit"]), zero])
+        access.set_metadata("tbaa", module.add_metadata([kind, kind, zero]))
+        return access
+
     @type_callable(operator.getitem)
     def type_get(context):
         def typer(block, index):
@@ -315,7 +329,7 @@ def _make_core() -> bytes:
         made = cgutils.create_struct_proxy(block)(context, builder, value=arguments[0])
         index = context.cast(builder, arguments[1], index, nb.intp)
         if block.ndim == 1:
-            return builder.load(builder.gep(made.data, [index]))
+            return told(builder, builder.load(builder.gep(made.data, [index])), block)
         row = cgutils.create_struct_proxy(signature.return_type)(context, builder)
         row.data = builder.gep(made.data, [builder.mul(index, made.width)])
         return row._getvalue()
@@ -333,7 +347,11 @@ def _make_core() -> bytes:
         block, index, value = signature.args
         made = cgutils.create_struct_proxy(block)(context, builder, value=arguments[0])
         place = builder.gep(made.data, [context.cast(builder, arguments[1], index, nb.intp)])
-        builder.store(context.cast(builder, arguments[2], value, block.item), place)
+        told(
+            builder,
+            builder.store(context.cast(builder, arguments[2], value, block.item), place),
+            block,
+        )
         return context.get_dummy_value()
 
     @intrinsic
@@ -415,7 +433,7 @@ def _make_model(program: Program) -> bytes:
         space[name] = _jit(space[name], **strict)
     number = nb.CPointer(nb.float64)
     arguments = nb.int64, nb.int64, nb.float64, number, number, number
-    return _compile(_jit(space["model"], **strict), arguments, nb.none)
+    return _compile(_jit(space["model"], forceinline=True, **strict), arguments, nb.none)
 
 
 # ---------------------------------------------------------------- who is ready

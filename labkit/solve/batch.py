@@ -65,10 +65,6 @@ class Batch:
         self.w.room[:] = [self.sizes[name] for name in OUTPUTS]
         self.p = np.zeros((lanes, len(settings.system.parameters)))
         self.table: np.ndarray | None = None
-        if plain:
-            self.model = Plain(settings.system, orientations(settings.system))
-            if settings.external:
-                self.model.stepper = SciPyStep(settings, self.model, settings.width)
 
     def _fields(self) -> tuple:
         return workspace(SimpleNamespace(**self.sizes))
@@ -78,13 +74,21 @@ class Batch:
     ) -> None:
         """What the lanes begin with: p (lanes, parameters), start (lanes, length of a state),
         modes (lanes,) by place, clocks: further fields (lanes, …)."""
-        w, plain = self.w, self.code is None
+        w, st, plain = self.w, self.settings, self.code is None
         self.p[:] = p
         if plain:
-            self.p_lanes = [self.settings.system.P(*values) for values in p.tolist()]
+            self.model = Plain(st.system, orientations(st.system))
+            if st.external:
+                self.model.stepper = SciPyStep(st, self.model, st.width)
+            self.p_lanes = [st.system.P(*values) for values in self.p.tolist()]
         for name, values in {"y0": start, "mode0": modes, **clocks}.items():
             getattr(w, name)[:] = values.tolist() if plain else values
         w.i[core.LANE] = w.i[core.BEGUN] = w.i[core.OUT] = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Of the samples that there is room for."""
+        return 8 * len(self.w.out) * (5 + self.settings.length)
 
     def run(self, stop: Flag | None = None) -> None:
         """batch.run(): all lanes, one after the other; returns early when `stop` is set."""
@@ -115,22 +119,23 @@ class Batch:
     def _keep(self, lane: int) -> None:
         """What the next lane would overwrite."""
         w, st = self.w, self.settings
-        status = w.done[lane][core.STATUS]
+        done = w.done[lane] if self.code is None else w.done[lane].tolist()
+        status = done[core.STATUS]
         if status == core.BAD_START:
             self.endings.append((Ended.REFUSED, self._refused(lane)))
         elif status == core.FINISHED:
             self.endings.append(_FINISHED)
         else:
             p = st.system.P(*self.p[lane].tolist())
-            self.endings.append(ending(int(status), st, w, p))
-        if count := w.i[core.LEDGER]:
+            self.endings.append(ending(status, st, w, p))
+        if count := done[core.EVENTS]:
             self._ledger.append(self._rows("ledger", count, copy=True))
         if count := w.i[core.TOUCHES]:
             self.touches[lane] = [
                 Touch(float(t), st.system.transitions[int(who)].name, float(by))
                 for t, who, by in w.touch[:count]
             ]
-        if w.i[core.JUMPS] and status != core.HIDDEN_JUMP:  # then its ending says it
+        if done[core.JUMPED] and status != core.HIDDEN_JUMP:  # then its ending says it
             self.notes[lane] = self._notes()
 
     def _notes(self) -> list[str]:
@@ -196,8 +201,8 @@ class Batch:
 
     @property
     def done(self) -> np.ndarray:
-        """(lanes, …) what the core keeps of a lane: see layout.py."""
-        return np.array(self.w.done)
+        """(lanes, …) what the core keeps of a lane, until the next run: see layout.py."""
+        return np.asarray(self.w.done)
 
     def ledger(self) -> np.ndarray:
         """The rows of all lanes' events, one lane after the other; see Events."""
@@ -214,12 +219,16 @@ class Batch:
 _FINISHED = (Ended.FINISHED, str(Ended.FINISHED))
 
 
-def samples(out: np.ndarray) -> Samples:
-    """samples(rows) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples.
+def samples(*parts: np.ndarray) -> Samples:
+    """samples(rows, …) -> rows of t, mode, j, other mode (or −1), its part, state… as Samples.
 
-    In memory of their own.
+    In memory of their own, copied once.
     """
-    columns = out.T.copy()
+    if len(parts) == 1:
+        columns = parts[0].T.copy()
+    else:
+        columns = np.empty((parts[0].shape[1], sum(map(len, parts))))
+        np.concatenate(parts, out=columns.T)
     modes, j, other = columns[1:4].astype(int)
     return Samples(columns[0], modes, j, columns[5:].T, other, columns[4])
 
@@ -229,6 +238,9 @@ class _Rows:
 
     def __init__(self, width: int):
         self.width, self.rows = width, []
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
     def __getitem__(self, index: int) -> list[float]:
         while len(self.rows) <= index:

@@ -210,12 +210,14 @@ def _check_vector(
             )
 
 
-def trouble(system: System, mode: str, t: float, y: list[float], p: tuple) -> str:
+def trouble(
+    system: System, mode: str, t: float, y: list[float], p: tuple, step: float = 0.0
+) -> str:
     """trouble(system, "m", t, y, p) -> what a function of the mode raises there or just ahead, ""
     if nothing.
 
     For the words at the end of a run: the back ends only see that a step is not a number. `y` is in
-    the order of S[mode].
+    the order of S[mode]; step: how far ahead the last one has looked.
     """
     kind, n = system.S[mode], len(system.states_of(mode))
     flow = system.modes[mode].flow
@@ -224,15 +226,28 @@ def trouble(system: System, mode: str, t: float, y: list[float], p: tuple) -> st
         if guard := system.transitions[i].guard:
             functions.append((f"the guard of {system.transitions[i].name!r}", guard))
     slope = [0.0] * n
-    for ahead in (0.0, *(10.0**k for k in range(-15, -5))):
-        h = ahead * max(1.0, abs(t))
+    near = [10.0**k * max(1.0, abs(t)) for k in range(-15, -5)]
+    for h in (0.0, *near, 0.5 * step, step):
         s = kind(*(v + h * d for v, d in zip(y, slope, strict=False)), *y[n:])
         for what, function in functions:
             try:
                 values = function(t + h, s, p)
+                parts = values if function is flow else (values,)
+                if any(isinstance(part, complex | np.complexfloating) for part in parts):
+                    return _complex(what, t, s, "")
                 slope = [*map(float, values)] if function is flow else slope
             except Exception as error:
+                if "complex" in str(error):
+                    return _complex(what, t, s, line_of(error))
                 if not isinstance(error, OverflowError):
                     kind_of = f"{type(error).__name__}: {error}{line_of(error)}"
                     return f"{what} fails near {at(t, s)}: {kind_of}"
     return ""
+
+
+def _complex(what: str, t: float, s: tuple, where: str) -> str:
+    return (
+        f"{what} is a complex number near {at(t, s)}{where}: a root or another broken power is "
+        "taken of a negative number there. Keep what it is taken of at 0 or above, max(…, 0), or "
+        "let an event end the mode before"
+    )

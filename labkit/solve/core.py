@@ -150,7 +150,7 @@ def jumps_here(w, n):
 def given_up(w):
     """Why there are no more steps: the flow is stiff, it jumps, or neither is known."""
     i = w.i
-    if i[ADAPTIVE] == 1 and 2 * i[STIFFS] > i[STEPS]:
+    if i[ADAPTIVE] == 1 and 8 * i[STIFFS] > i[STEPS]:  # asked for in one of four steps
         return STIFF
     if i[ADAPTIVE] == 1 and (jumps_here(w, w.size[i[MODE]]) == 1 or i[JUMPS] > 0):
         return HIDDEN_JUMP

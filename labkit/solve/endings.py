@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model import listed
+from ..model import System, listed
 from ..run import Ended
 from . import core
 from .check import trouble
@@ -69,13 +69,23 @@ def ending(status: int, settings: Settings, w: core.Workspace, p: tuple) -> tupl
             return Ended.NOT_A_NUMBER, said
         system, mode = settings.system, settings.modes[w.i[core.MODE]]
         state = [float(w.y[place]) for place in system.places(mode).values()]
-        if why := trouble(system, mode, float(w.f[core.T]), state, p):
+        fixed, tried = settings.method in FIXED_STEP, 4.0 * float(w.f[core.H])
+        step = settings.step if fixed else tried if settings.external else 0.0
+        if why := trouble(system, mode, float(w.f[core.T]), state, p, step):
             return Ended.NOT_A_NUMBER, f"not a number: {why}"
+        if any(abs(x) > 1e100 for x in state):  # what is made of it is no number then
+            return _why_no_step(settings, w, p)
     if status not in ENDINGS:
-        return _why_no_step(settings, w)
+        return _why_no_step(settings, w, p)
     transitions = settings.system.transitions
     ended, sentence = ENDINGS[status]
-    if status == core.LOOP and (both := _two_surfaces(w)):
+    if status == core.LOOP and w.leap[w.i[core.WHO] + 2] == 1 and w.i[core.SAME] <= 5000:
+        sentence = (
+            'endless loop at t = {t:.6g}: two modes send each other back at the guard of "{name}", '
+            "which jumps there, so that no slope says how the state slides on it (give it a guard "
+            "that passes through zero)"
+        )
+    elif status == core.LOOP and (both := _two_surfaces(w)):
         one, other = (transitions[i].name for i in both)
         sentence = (
             "endless loop at t = {t:.6g}: the state slides on two surfaces at once, those of "
@@ -124,28 +134,49 @@ def _lost_by_an_event(settings: Settings, w: core.Workspace) -> str:
     )
 
 
-def _why_no_step(settings: Settings, w: core.Workspace) -> tuple[Ended, str]:
+def _why_no_step(settings: Settings, w: core.Workspace, p: tuple) -> tuple[Ended, str]:
     """The step shrank to nothing, or a fixed step overflowed.
 
-    A flow that is no number, a state out of hand, or a singular or stiff system.
+    A state that grows without bound, a flow that is no number, or a singular or stiff system.
     """
-    t, mode = f"t = {w.f[core.T]:.6g}", settings.modes[w.i[core.MODE]]
-    names = settings.system.states_of(mode)
-    y = [float(v) for v in list(w.y)[: len(names)]]
+    system, mode, t = settings.system, settings.modes[w.i[core.MODE]], float(w.f[core.T])
+    names = system.states_of(mode)
+    y = [float(w.y[place]) for place in system.places(mode).values()]
+    rates = _rates(system, mode, t, y, p)
+    fixed = settings.method in FIXED_STEP
+    # As far as the clock can tell where the step has shrunk; nothing here has a unit
+    short = settings.step if fixed else 1e4 * core.EPS * max(abs(t), 1e-3 * abs(settings.step))
+    sizes = dict(zip(names, map(abs, y), strict=False))
+    grows = [
+        name
+        for name, x, rate in zip(names, y, rates, strict=False)
+        if abs(x) > 1e100 or (x > 0) == (rate > 0) and abs(rate) * short > 0.01 * abs(x) > 0
+    ]
     # The last attempt's stages are still there: one that is no number tells more than the tiny step
     kept = [] if settings.external else list(w.k)[: settings.table.stages + 1]
     stages = np.array(kept, dtype=float).reshape(len(kept), settings.width)
-    if bad := [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k : k + 1]))]:
+    bad = [n for k, n in enumerate(names) if not np.all(np.isfinite(stages[:, k : k + 1]))]
+    if grows or (fixed and not bad):
+        most = max(grows or names, key=sizes.__getitem__)
+        return Ended.DIVERGED, f"diverged: |{most}| = {sizes[most]:.3g} at t = {t:.6g}"
+    if bad:
         return (
             Ended.NOT_A_NUMBER,
             f"not a number: the flow of mode {mode!r} gives no finite value for {listed(bad)} "
-            f"near {t}",
+            f"near t = {t:.6g}",
         )
-    biggest = max(range(len(names)), key=lambda k: abs(y[k]))
-    if abs(y[biggest]) > 1e8 or settings.method in FIXED_STEP:
-        return Ended.DIVERGED, f"diverged: |{names[biggest]}| = {abs(y[biggest]):.3g} at {t}"
     return (
         Ended.SINGULAR,
-        f"no step is short enough at {t} in mode {mode!r}: the flow is singular there, or stiff "
-        "(try method='Radau')",
+        f"no step is short enough at t = {t:.6g} in mode {mode!r}: the flow is singular there, or "
+        "stiff (try method='Radau')",
     )
+
+
+def _rates(system: System, mode: str, t: float, y: list[float], p: tuple) -> list[float]:
+    """The flow at a state; NaN where it has no answer, endless where one is too large."""
+    try:
+        return [float(rate) for rate in system.modes[mode].flow(t, system.S[mode](*y), p)]
+    except OverflowError:
+        return [np.inf * x for x in y]
+    except Exception:  # what it is has been asked before
+        return [np.nan] * len(y)

@@ -8,7 +8,7 @@ crossing is used once; `sides` says who waits.
 from .layout import *
 from .sides import CLEAR, know_flow, leaves, sides
 from .sliding import begin_sliding, guard_place, mixing, rates
-from .step import grown
+from .step import sized
 
 
 def room(w):
@@ -122,7 +122,7 @@ def choose(w):
     mode = i[MODE]
     for s in range(i[SCHEDULES]):
         q = w.plan[s]
-        if w.rank[q] < rank and plan_time(w, s) <= w.f[UNTIL] and leaves(w, q, mode):
+        if w.rank[q] < rank and w.plan_t[s] <= w.f[UNTIL] and leaves(w, q, mode):
             # Transitions with an equal schedule are one clock: those act that leave the mode in
             # which it struck
             found = w.found[w.clock[s]]
@@ -151,7 +151,7 @@ def use(w, q):
     elif i[KIND] == DUE:
         for s in range(i[SCHEDULES]):
             if w.plan[s] == q:
-                w.plan_next[s] += 1
+                strike(w, s, w.plan_next[s] + 1)
                 if w.found[w.clock[s]] < 0:
                     w.found[w.clock[s]] = i[MODE]
     else:
@@ -174,8 +174,8 @@ def forget(w):
     while w.i[KINK] < w.i[KINKS] and w.kink[w.i[KINK]] <= w.f[UNTIL]:
         w.i[KINK] += 1
     for s in range(w.i[SCHEDULES]):
-        while plan_time(w, s) <= w.f[UNTIL]:
-            w.plan_next[s] += 1
+        while w.plan_t[s] <= w.f[UNTIL]:
+            strike(w, s, w.plan_next[s] + 1)
         w.found[s] = -1
     for place in range(w.i[PENDING] - 1, -1, -1):
         if w.queue_t[place] <= w.f[UNTIL]:
@@ -197,8 +197,12 @@ def happen(model, w, p, q):
         w.queue_t[i[PENDING]], w.queue[i[PENDING]] = t + w.delay[i[LANE]][q], q
         i[PENDING] += 1
         return PAUSE
-    if i[KIND] == CROSSED and begin_sliding(model, w, p, q) == 1:
+    slides = begin_sliding(model, w, p, q) if i[KIND] == CROSSED else 0
+    if slides == 1:
         return start_sliding(model, w, p)
+    if slides == 2:
+        i[WHO] = q
+        return LOOP
     return fire(model, w, p, q)
 
 
@@ -275,7 +279,7 @@ def fire(model, w, p, q):
                 w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 0.0, 0
         w.y[k] = w.y_new[k]
     carry(w)
-    grown(w, target, size)
+    sized(w, target, size)
     enter(model, w, p, target, target, size)
     own = q if i[KIND] == CROSSED or mode != target else -9
     status = sides(model, w, p, JUMPED_TO if mode == target else ENTERED, own)
@@ -403,13 +407,15 @@ def halfway(model, w, p, q):
     return abs(w.g_look[guard_place(w, mode, q)])
 
 
-def plan_time(w, s):
-    """Next instant of schedule s, or infinity."""
+def strike(w, s, so_far):
+    """Schedule s has been due so often: when it is due next, or infinity."""
     lane = w.i[LANE]
+    w.plan_next[s] = so_far
     if w.plan_period[lane][s] > 0.0:
-        return w.plan_first[lane][s] + w.plan_next[s] * w.plan_period[lane][s]
-    place = w.plan_from[s] + w.plan_next[s]
-    return w.instant[lane][place] if place < w.plan_from[s + 1] else 1e300
+        w.plan_t[s] = w.plan_first[lane][s] + so_far * w.plan_period[lane][s]
+    else:
+        place = w.plan_from[s] + so_far
+        w.plan_t[s] = w.instant[lane][place] if place < w.plan_from[s + 1] else 1e300
 
 
 def next_due(w):
@@ -418,7 +424,7 @@ def next_due(w):
     """
     due = w.kink[w.i[KINK]] if w.i[KINK] < w.i[KINKS] else 1e300
     for s in range(w.i[SCHEDULES]):
-        due = min(due, plan_time(w, s))
+        due = min(due, w.plan_t[s])
     for q in range(w.i[PENDING]):
         due = min(due, w.queue_t[q])
     return due

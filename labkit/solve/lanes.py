@@ -10,7 +10,7 @@ from .core import advance
 from .instant import *
 from .layout import *
 from .sides import *
-from .step import first_step
+from .step import first_step, sized
 
 
 def begin(model, w, p, lane):
@@ -30,6 +30,7 @@ def begin(model, w, p, lane):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
         w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
+        w.leap[slot] = 0
         w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = (
             0.0,
             0.0,
@@ -38,7 +39,8 @@ def begin(model, w, p, lane):
             0,
         )
     for s in range(i[SCHEDULES]):
-        w.plan_next[s], w.found[s] = w.plan_next0[lane][s], -1
+        strike(w, s, w.plan_next0[lane][s])
+        w.found[s] = -1
     for m in range(i[MODES]):
         for q in range(i[WIDTH]):
             w.terms[m][q], w.felt[m][q] = 0.0, -1.0
@@ -49,7 +51,7 @@ def begin(model, w, p, lane):
     for q in range(n):
         w.most[q] = 0.0
     carry(w)
-    grown(w, mode, n)
+    sized(w, mode, n)
     record(model, w, p, f[T], mode, n, w.y)
     know_flow(model, w, p)
     for q in range(n):

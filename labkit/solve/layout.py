@@ -163,12 +163,15 @@ def workspace(z):
         ("g", "f", (z.guards + 2,)),
         ("stack", "f", (256,)),
         ("root", "f", (z.guards + 2,)),
+        ("low", "f", (z.guards + 2,)),  # of its samples at the nodes
+        ("high", "f", (z.guards + 2,)),
         ("turn", "i", (z.guards + 2,)),  # the side at the end of the step
         ("quiet", "i", (z.guards + 2,)),  # whether it went back in this step, which is no event
         ("near", "i", (z.guards + 2,)),
         # guards between steps, by slot
         ("side", "i", (slots,)),
         ("flat", "i", (slots,)),  # zero where the step begins
+        ("leap", "i", (slots,)),  # 1: it jumps, or is steeper than the clock is fine; −1: not
         ("awake", "f", (slots,)),  # … and from this time on clear of zero
         ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
         (
@@ -200,6 +203,7 @@ def workspace(z):
         ("g_probe", "f", (z.guards + 2,)),
         # how often a schedule has been due; in which mode a clock has struck at this instant, or −1
         ("plan_next", "i", (z.schedules,)),
+        ("plan_t", "f", (z.schedules,)),  # … and when it is due next
         ("found", "i", (z.schedules,)),
         ("queue_t", "f", (QUEUE,)),
         ("queue", "i", (QUEUE,)),

@@ -142,9 +142,11 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
         if not start:
             # Far from zero all along? Between its nodes a polynomial strays at most LEBESGUE times
             # as far from their middle as they do
-            low, high = value[0], value[0]
-            for j in range(1, top + 1):
-                low, high = min(low, value[j]), max(high, value[j])
+            low, high = w.low[k], w.high[k]
+            if width < 1.0:
+                low, high = value[0], value[0]
+                for j in range(1, top + 1):
+                    low, high = min(low, value[j]), max(high, value[j])
             clear = abs(low + high) - LEBESGUE * (high - low) - 8.0 * misfit
             if clear > 32.0 * EPS * max(abs(low), abs(high)) and (low > 0.0) == (side > 0):
                 if width == 1.0 and clear > slack:
@@ -194,9 +196,10 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
                 depth += 2
                 continue
         elif a == begin:
-            while (
-                first < top and hull[first] == 0.0
-            ):  # exactly on the surface where two steps meet: the side before still counts
+            # exactly on the surface where two steps meet, or hardly off it yet where it leaves zero
+            # only later: the side before still counts
+            least = 1e-12 * largest if begin > 0.0 else 0.0
+            while first < top and abs(hull[first]) <= least:
                 first += 1
         changes, doubtful, sign = 0, 0, side
         for j in range(first, top + 1):
@@ -283,6 +286,14 @@ def find_event(model, w, p, mode, n, t, h, entry):
     for k in range(count):
         slot = watched(w, mode, k) + 2
         begin = first_look(w, t, h, slot)
+        low, high = w.at_node[0][k], w.at_node[0][k]
+        for j in range(1, top + 1):
+            value = w.at_node[j][k]
+            if value < low:
+                low = value
+            elif value > high:
+                high = value
+        w.low[k], w.high[k], w.swing[slot] = low, high, (high - low) / h
         w.turn[k], w.quiet[k], w.near[k], w.root[k] = w.side[slot], 0, 1, 2.0
         if begin < limit:
             theta = first_crossing(model, w, p, mode, n, t, h, k, begin, limit)
@@ -292,10 +303,6 @@ def find_event(model, w, p, mode, n, t, h, entry):
             if theta < best:
                 best = theta
                 limit = min(1.0, best + tie)
-        low, high = w.at_node[0][k], w.at_node[0][k]
-        for j in range(1, top + 1):
-            low, high = min(low, w.at_node[j][k]), max(high, w.at_node[j][k])
-        w.swing[slot] = (high - low) / h
     if best > 1.0:
         for k in range(count):
             slot = watched(w, mode, k) + 2

@@ -48,35 +48,35 @@ class Plain:
     """
 
     def __init__(self, system: System, orientations: list[Pieces]):
-        modes = list(system.modes)
-        states = [_reader(system, mode) for mode in modes]
-        self.flow = [
-            _flow(f"the flow of mode {mode.name!r}", mode.flow, state, system.states_of(mode.name))
-            for mode, state in zip(system.modes.values(), states, strict=True)
-        ]
+        self.flow = [_flow(system, mode) for mode in system.modes]
         self.guards = [
-            _guards(f"a guard of mode {mode!r}", pieces, state)
-            for mode, pieces, state in zip(modes, orientations, states, strict=True)
+            _guards(system, mode, pieces)
+            for mode, pieces in zip(system.modes, orientations, strict=True)
         ]
-        self.reset = [_reset(system, tr, states) for tr in system.transitions]
+        self.reset = [_reset(system, tr) for tr in system.transitions]
         self.stepper = None
 
 
-def _reader(system: System, mode: str) -> Callable[[list[float]], tuple]:
-    """_reader(system, mode)(y) -> the named tuple s that a function of this mode gets."""
-    new, kind = tuple.__new__, system.S[mode]
+_new = tuple.__new__  # _new(kind, own(y) if own else y) is the s of a mode's functions
+
+
+def _reader(system: System, mode: str) -> tuple[type, Callable[[list[float]], list] | None]:
+    """_reader(system, mode) -> (kind of its s, what it is made of; None: all of a state).
+
+    Functions call `_new` themselves: a call more would be a tenth of a step's time.
+    """
     n, width = len(system.states_of(mode)), system.width
-    if n == width:
-        return lambda y: new(kind, y)
-    return lambda y: new(kind, [*y[:n], *y[width:]])
+    return system.S[mode], None if n == width else lambda y: [*y[:n], *y[width:]]
 
 
-def _flow(what: str, function: Callable, state: Callable, names: tuple[str, ...]) -> Callable:
+def _flow(system: System, mode: str) -> Callable:
+    function, names = system.modes[mode].flow, system.states_of(mode)
+    what, new, (kind, own) = f"the flow of mode {mode!r}", _new, _reader(system, mode)
     n, rescue = len(names), _rescue(what, function, names)
     places = range(n)
 
     def flow(t, y, p, out):
-        s = state(y)
+        s = new(kind, own(y) if own else y)
         try:
             values = function(t, s, p)
             if type(values) is not tuple or len(values) != n:
@@ -89,11 +89,12 @@ def _flow(what: str, function: Callable, state: Callable, names: tuple[str, ...]
     return flow
 
 
-def _guards(what: str, pieces: Pieces, state: Callable) -> Callable:
-    rescues = [_rescue(what, function, None) for function, _, _ in pieces]
+def _guards(system: System, mode: str, pieces: Pieces) -> Callable:
+    new, (kind, own) = _new, _reader(system, mode)
+    rescues = [_rescue(f"a guard of mode {mode!r}", function, None) for function, _, _ in pieces]
 
     def guards(t, y, p, out):
-        s = state(y)
+        s = new(kind, own(y) if own else y)
         for k, (function, sign, tolerance) in enumerate(pieces):
             try:
                 out[k] = sign * float(function(t, s, p)) - tolerance
@@ -103,9 +104,15 @@ def _guards(what: str, pieces: Pieces, state: Callable) -> Callable:
     return guards
 
 
-def _reset(system: System, transition: Transition, states: list[Callable]) -> Callable:
+def _reset(system: System, transition: Transition) -> Callable:
     """The reset of one transition: (mode, t, y, p, out); what it does not name is carried over."""
     modes, what = list(system.modes), f"the reset of {transition.name!r}"
+    readers = [_reader(system, mode) for mode in modes]
+
+    def state(mode: int, y: list[float]) -> tuple:
+        kind, own = readers[mode]
+        return _new(kind, own(y) if own else y)
+
     target = transition.target or transition.sources[0]
     names, places = system.states_of(target), system.places(target)
     if callable(transition.reset):
@@ -122,7 +129,7 @@ def _reset(system: System, transition: Transition, states: list[Callable]) -> Ca
             return [*values, *y[system.width :]]
 
         def reset(mode, t, y, p, out):
-            values = values_of(mode, t, states[mode](y), y, p)
+            values = values_of(mode, t, state(mode, y), y, p)
             for place, value in zip(places.values(), values, strict=True):
                 out[place] = value
 
@@ -137,7 +144,7 @@ def _reset(system: System, transition: Transition, states: list[Callable]) -> Ca
         ]
 
     def reset_parts(mode, t, y, p, out):
-        s = states[mode](y)
+        s = state(mode, y)
         for part, rescue, before, after in parts[mode]:
             try:
                 out[after] = float(part(t, s, p)) if part else y[before]

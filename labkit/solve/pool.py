@@ -39,7 +39,7 @@ class Pool:
         Each is taken out: another thread may be simulating, too. After an error or an interrupt it
         does not come back.
         """
-        for batch in reversed(self.free) if code is not None else ():
+        for batch in reversed(self.free):
             if batch.lanes == lanes and batch.code is code:
                 try:
                     self.free.remove(batch)
@@ -49,7 +49,7 @@ class Pool:
         return Batch(self.settings, code, lanes)
 
     def give_back(self, batch: Batch) -> None:
-        if batch.code is not None and len(self.free) < KEPT[0] and batch.w.out.nbytes <= KEPT[1]:
+        if len(self.free) < KEPT[0] and batch.nbytes <= KEPT[1]:
             self.free.append(batch)
 
     def code(self, lanes: int, check: Callable[[], None]) -> object:

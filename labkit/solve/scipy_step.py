@@ -61,7 +61,7 @@ class SciPyStep:
             if longest < 1e3 * core.EPS * abs(t) or longest < 1e-290:
                 return 0.0
             self.solver = self._start(w, p, mode, n, t, bound, longest)
-        length, before = self.solver.t - t, self.solver.nfev
+        length, before = float(self.solver.t) - t, self.solver.nfev
         mine = self._polynomial(self.solver.dense_output(), np.array(w.y[:n]), t, length)
         for row, values in zip(w.poly, mine, strict=True):
             row[:n] = values.tolist()
@@ -127,7 +127,7 @@ class SciPyStep:
         out, padding, held = [0.0] * self.width, [0.0] * (self.width - n), w.y[self.width :]
 
         def rates(time: float, y: np.ndarray) -> list[float]:
-            core.rates(self.model, w, mode, n, time, y.tolist() + padding + held, p, out)
+            core.rates(self.model, w, mode, n, float(time), y.tolist() + padding + held, p, out)
             return out[:n]
 
         options = {} if longest == inf else {"max_step": longest}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import FunctionType
 
 import numpy as np
 
-from ..model import At
+from ..model import At, Every
 from . import core
 from .kinks import kinks
 from .methods import DEGREE, FIXED_STEP, explicit, proxy
@@ -17,11 +18,26 @@ __all__ = ["Settings"]
 SCALE_FREE = -1.0  # in `absolute`: the tolerance follows from the state's own size
 
 
+def _told(at: object) -> object:
+    """What makes a schedule equal to another: functions are, if their text and what it stands for
+    are, so that a formula written out twice is one clock.
+    """
+    if isinstance(at, Every):
+        return Every, _told(at.period), _told(at.first)
+    if isinstance(at, At):
+        return At, *map(_told, at.instants)
+    if not isinstance(at, FunctionType):
+        return at
+    code, cells = at.__code__, [cell.cell_contents for cell in at.__closure__ or ()]
+    held = [each if isinstance(each, int | float | str) else id(each) for each in cells]
+    return code.co_code, code.co_consts, code.co_names, held, at.__defaults__, id(at.__globals__)
+
+
 class Settings:
     """Settings(options): made once for many runs, and never changed.
 
     width, length   most states of any mode; these and the held variables: a state's vector
-    places          mode -> where its states and the held variables stand in it
+    places          mode -> where its states and the held variables stand in it: an index
     timed           whether there are dead times or schedules
     absolute        (modes, width) the part of a tolerance that does not grow with the state, or −1
     fixed, sizes    fields of the workspace that are the same for every run; what the others' sizes
@@ -41,7 +57,7 @@ class Settings:
         self.modes = list(system.modes)
         self.place = {mode: index for index, mode in enumerate(self.modes)}
         self.width, self.length = system.width, system.width + len(system.held)
-        self.places = {mode: np.array([*system.places(mode).values()]) for mode in self.modes}
+        self.places = {mode: _run_of([*system.places(mode).values()]) for mode in self.modes}
         self.plans = [tr for tr in system.transitions if tr.at is not None]
         self.timed = bool(self.plans) or any(tr.delay != 0 for tr in system.transitions)
         self.absolute = self._absolute()
@@ -90,6 +106,7 @@ class Settings:
         order = sorted(range(len(trs)), key=lambda i: (-trs[i].priority, i))
         urgent = {None: core.REFUSE, False: core.NO, True: core.YES}
         instants = [len(tr.at.instants) if isinstance(tr.at, At) else 0 for tr in self.plans]
+        clocks = [_told(tr.at) for tr in self.plans]
         bends = self._kinks()
         i0, f0 = np.zeros(core.INTEGERS, dtype=np.int64), np.zeros(core.FLOATS)
         for place, value in {
@@ -157,7 +174,7 @@ class Settings:
             "tolerance": [tr.tolerance for tr in trs],
             "plan": [system.transitions.index(tr) for tr in self.plans],
             "plan_from": np.cumsum([0, *instants]),
-            "clock": [[other.at for other in self.plans].index(tr.at) for tr in self.plans],
+            "clock": [clocks.index(clock) for clock in clocks],
             "absolute": self.absolute,
             "kind": self._kinds(),
         }
@@ -193,3 +210,8 @@ class Settings:
             name: np.ascontiguousarray(value, dtype=float if kinds[name] == "f" else np.int64)
             for name, value in fixed.items()
         }
+
+
+def _run_of(places: list[int]) -> slice | list[int]:
+    """Places as a slice where they are the first ones: assigned to in a third of the time."""
+    return slice(len(places)) if places == [*range(len(places))] else places

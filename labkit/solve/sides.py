@@ -21,6 +21,7 @@ from .sliding import kept_state, rates, watch, watch_count, watched
 SHAKE = 9.5367431640625e-07  # 2⁻²⁰
 DOUBT = 64.0  # roundings: what a guard's terms are off by after some steps
 TICKS = 32.0  # the same of the clock
+STEEP = 1024.0  # a guard that is so many times off where it was located is as good as a jump
 CLEAR = 16.0  # a guard is clear of zero at so many times its doubt; what moves less is not resolved
 
 
@@ -228,14 +229,69 @@ def leaving(model, w, p, mode, n, t, k, value, band):
                     w.f[LATER] = t
                     return 1 if gone > 0.0 else -1  # by its slope after all
             if (gone > 0.0) != (found > 0):
-                break
+                if tolerated > 0.0 and w.f[GONE] > 1e-9 * tolerated:
+                    break
+                found = -found  # that was the flow's own rounding, on leaving a mode of rest
+                w.f[GONE], w.f[GONE_T] = abs(gone), e
             w.f[LATER] = t + e
             if tolerated < 0.0:
                 tolerated = 0.01 * w.f[RTOL] * gauge(model, w, p, mode, n, t, w.y, k, value, 1)
-            if abs(gone) > tolerated:
+            # A guard whose states have never moved has no size yet
+            if abs(gone) > tolerated and (tolerated > 0.0 or e > 1e-4 * w.f[H]):
                 break
         e *= 2.0 if found == 0 else 8.0
     return found
+
+
+def leap_reach(w, t):
+    """How far from a jump a guard's sign is asked for."""
+    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
+    return 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
+
+
+def leaps(model, w, p, mode, n, t, k, slot):
+    """Does a guard jump where it has been located (1), or is it steeper than the clock is fine?
+    Then its values say nothing, only their signs do. Else −1.
+    """
+    if w.i[SLIDING] == 1:
+        return -1
+    know_flow(model, w, p)
+    e, last = leap_reach(w, t), t - w.f[BEFORE]
+    straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
+    return 1 if abs(w.g_away[k]) > w.swing[slot] * max(1e6 * e, 2e-8 * last) else -1
+
+
+def at_leap(model, w, p, mode, n, t, k):
+    """Is the k-th guard at its jump still (1), after an event? Then the flow by which it came goes
+    through it.
+    """
+    line = w.ledger[w.i[LEDGER] - 1]
+    before = int(line[3])
+    if before < 0 or w.size[before] != n:
+        return 0
+    for i in range(n):
+        w.y_shake[i] = line[5 + i]
+    flow(model, before, t, w.y_shake, p, w.ahead[1])
+    w.i[FLOWS] += 1
+    straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * leap_reach(w, t), w.g_away)
+    back, half = w.g_look[k], w.g_away[k]
+    return 1 if (back > 0.0) != (back + 2.0 * half > 0.0) else 0
+
+
+def after_leap(model, w, p, mode, n, t, k):
+    """How a guard that is at its jump leaves it along the flow, ±2: by its sign as soon as the
+    clock can tell; w.f[LATER] is when.
+    """
+    know_flow(model, w, p)
+    e = leap_reach(w, t)
+    w.f[LATER] = t + e
+    for _ in range(12):
+        look(model, w, p, mode, n, t, e, 2, w.g_look)
+        if w.g_look[k] <= 0.0:
+            w.f[LATER] = t + e
+            return -2
+        e *= 2.0
+    return 2
 
 
 def sides(model, w, p, how, fired):
@@ -250,7 +306,7 @@ def sides(model, w, p, how, fired):
     n, count = w.size[mode], watch_count(w, mode)
     if how == ENTERED:
         for q in range(i[TRANSITIONS]):  # the mode they leave is gone
-            if not leaves(w, q, mode):
+            if w.wait[q + 2] == 1 and not leaves(w, q, mode):
                 w.wait[q + 2] = 0
     if count == 0:
         return PAUSE
@@ -268,16 +324,26 @@ def sides(model, w, p, how, fired):
         if how == ARRIVE and w.came[slot] == 1:  # just located: zero, whatever its value
             w.slack[slot] = abs(value)
             w.wait[slot] = 1
+            suspect = w.leap[slot] < 0 and abs(value) > STEEP * tick * w.swing[slot]
+            if w.leap[slot] == 0 or suspect:
+                w.leap[slot] = leaps(model, w, p, mode, n, t, k, slot)
+            if w.leap[slot] == 1:
+                w.slack[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 4
             continue
         directed = q < 0 or w.directed[q] == 1
         urgent = YES if q < 0 else w.urgent[q]
-        own = doubt(model, w, p, mode, n, t, w.y, k, value)
-        if abs(value) <= 4.0 * own and w.grains[slot] < 4 and i[SLIDING] == 0:
+        jumped = w.leap[slot] == 1 and (w.came[slot] > 0 or how == ENTERED) and how != ARRIVE
+        own = 0.0
+        if not jumped:
+            own = doubt(model, w, p, mode, n, t, w.y, k, value)
+        if not jumped and abs(value) <= 4.0 * own and w.grains[slot] < 4 and i[SLIDING] == 0:
             know_flow(model, w, p)
             own += CLEAR * grain(model, w, p, mode, n, t, w.y, k)
         band = own + 2.0 * w.slack[slot]
         clear = abs(value) > band
-        if clear and i[LOCATE] == 1:
+        if jumped:
+            clear = at_leap(model, w, p, mode, n, t, k) == 0
+        elif clear and i[LOCATE] == 1:
             # On the surface within the rounding of the clock: its crossing belongs to this instant
             # (a bound of its slope first: that costs little)
             steep = w.swing[slot]
@@ -297,7 +363,10 @@ def sides(model, w, p, how, fired):
         now = 1 if value > 0.0 else -1
         order = 1
         if not clear:
-            order = leaving(model, w, p, mode, n, t, k, value, band)
+            if jumped:
+                order = after_leap(model, w, p, mode, n, t, k)
+            else:
+                order = leaving(model, w, p, mode, n, t, k, value, band)
             now = 1 if order > 0 else -1
             if order == 0 and (how == ARRIVE or how == JUMPED_TO):
                 if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
@@ -393,6 +462,8 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
         return 1
     line = w.ledger[w.i[LEDGER] - 1]
     e = w.f[GONE_T] if by_slope else 0.125 * w.f[GONE_T]
+    if w.leap[slot] == 1:
+        e = leap_reach(w, t)
     far = 1.0 if order > 0 else -1.0
     straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
     after = far * w.g_away[k]
@@ -402,6 +473,8 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     w.i[FLOWS] += 1
     before = far * w.g_away[k]
+    if w.leap[slot] == 1:
+        return 0 if before > 0.0 and after > 0.0 else 1
     if by_slope:
         return 1 if before < 0.0 else 0
     return 0 if after == before or (before >= 0.0 and after > 0.1 * before) else 1

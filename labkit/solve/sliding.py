@@ -91,7 +91,7 @@ def watch(model, w, mode, n, t, y, p, out):
 
 def begin_sliding(model, w, p, second):
     """Sliding begins (1) instead of `second`, if that would send back at once what has just come;
-    else 0.
+    else 0. 2: it should, but the guard jumps at its surface, and no slope says how the flows mix.
 
     The last event came at this very instant from the mode that `second` leads to, neither changes
     the state, and γ falls along f_B while it rises along f_A: a > b.
@@ -135,6 +135,8 @@ def begin_sliding(model, w, p, second):
         w.f[MIXED] += 8.0 * EPS * scale / (w.f[PROBE] * speed)
     if not a > b:
         return 0
+    if w.leap[first + 2] == 1:
+        return 2
     w.i[SLIDING] = 1
     return 1
 

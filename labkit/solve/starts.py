@@ -50,9 +50,7 @@ def start_of(
             f"start mode {mode!r} is not a mode of {system.name!r}; "
             f"there are {listed(system.modes)}"
         )
-    own = system.S[mode]._fields
-    own_start = {k: v for k, v in start.items() if k in own or k not in system.units}
-    return system.check_start(own_start, mode), mode
+    return system.check_start(start, mode), mode
 
 
 def starts_of(
