@@ -108,8 +108,8 @@ def _square(builder, x):
     """pow(x, 2.0), by one multiplication for ten of eleven x.
 
     pow is off by 0.54 units in the last place at most (glibc), so where the exact square lies
-    further than 0.045 from the middle between two numbers, pow gives what x*x does. Windows has a
-    pow without such a bound.
+    further than 0.045 from the middle between two numbers, pow gives what x*x does. Of the pow of
+    other systems no such bound is known here.
     """
     from llvmlite import ir
 
@@ -119,7 +119,7 @@ def _square(builder, x):
     def asked():
         return builder.call(_library_pow(builder.module), [x, number(2.0)])
 
-    if sys.platform == "win32":
+    if sys.platform != "linux":
         return asked()
     product = builder.fmul(x, x)
     rest = builder.fma(x, x, builder.fneg(product))  # exactly what rounding has taken from it
