@@ -301,8 +301,21 @@ def test_a_schedule_written_out_twice_is_one_clock():
         assert [e.t for e in run.events][:1] == [0.5] and len({e.t for e in run.events}) == len(
             run.events
         )
-    apart = simulate(circuit(Every(lambda p: p.T), Every(lambda p: 1 * p.T)), 1.2, backend="plain")
-    assert [e.target for e in apart.events] == ["off", "on"]
+
+    def by_name(share):
+        return Every(lambda p, *, share=share: share * p.T)
+
+    def by_table(*table):
+        rows = np.array(table)
+        return Every(lambda p, rows=rows: rows[0] * p.T)
+
+    for one, other in (
+        (Every(lambda p: p.T), Every(lambda p: 1 * p.T)),
+        (by_name(1.0), by_name(0.5)),
+        (by_table(1.0, 2.0), by_table(1.0, 2.0)),
+    ):
+        apart = simulate(circuit(one, other), 1.2, backend="plain")
+        assert [e.target for e in apart.events] == ["off", "on"]
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "RK4"])

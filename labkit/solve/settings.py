@@ -28,9 +28,10 @@ def _told(at: object) -> object:
         return At, *map(_told, at.instants)
     if not isinstance(at, FunctionType):
         return at
-    code, cells = at.__code__, [cell.cell_contents for cell in at.__closure__ or ()]
-    held = [each if isinstance(each, int | float | str) else id(each) for each in cells]
-    return code.co_code, code.co_consts, code.co_names, held, at.__defaults__, id(at.__globals__)
+    code, held = at.__code__, [cell.cell_contents for cell in at.__closure__ or ()]
+    held += [*(at.__defaults__ or ()), *(at.__kwdefaults__ or {}).values()]
+    held = [each if isinstance(each, int | float | str) else id(each) for each in held]
+    return code.co_code, code.co_consts, code.co_names, held, id(at.__globals__)
 
 
 class Settings:
