@@ -95,9 +95,10 @@ def monodromy(system: System, where: float | Function, **arguments: Any) -> Mono
 
     Raises ModelError as periodic does.
     """
-    if not callable(where) and all(tr.guard is None for tr in system.transitions):
-        own = signature(periodic).parameters
-        given = {name: each.default for name, each in own.items() if each.kind is each.KEYWORD_ONLY}
+    own = signature(periodic).parameters
+    given = {name: each.default for name, each in own.items() if each.kind is each.KEYWORD_ONLY}
+    clash = given.keys() & arguments.keys() & system.parameters.keys()  # periodic says it
+    if not (clash or callable(where) or any(tr.guard for tr in system.transitions)):
         p = system.values({name: x for name, x in arguments.items() if name not in given})
         given |= {name: x for name, x in arguments.items() if name in given}
         begin = {name: given[name] for name in ("start", "mode", "t0")}

@@ -593,3 +593,5 @@ def test_an_option_and_a_parameter_of_one_name_do_not_collide_silently():
     )
     with pytest.raises(ModelError, match="'direction' is an option of periodic and a parameter of"):
         periodic(turned, at_zero, direction=1, horizon=20.0)
+    with pytest.raises(ModelError, match="'direction' is an option of periodic and a parameter of"):
+        monodromy(turned, math.pi, direction=4.0)
