@@ -119,13 +119,13 @@ def _fits(value: Any, hint: Any) -> bool:
             return False
     if kind is Callable:
         return callable(value) if inner[0] is Ellipsis else takes(value, len(inner[0]))
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if hint is None or hint is bool or kind is Literal:
         return value in ((None,) if hint is None else inner or (True, False))
     cls = kind or hint
     if cls is Any or not isinstance(cls, type) or getattr(cls, "_is_protocol", False):
         return True
-    if isinstance(value, np.ndarray) and issubclass(cls, Iterable):
-        value = value.tolist()
     if not isinstance(value, cls):
         return False
     if isinstance(value, Mapping) and inner:

@@ -233,6 +233,16 @@ def test_the_words_name_the_argument_its_value_and_the_call():
         labkit.explore(linear, 2.0, lambda: 1.0)
 
 
+def test_an_array_is_no_word():
+    @asked
+    def said(aloud: bool) -> str:
+        """said(True) -> what is said."""
+        return "yes" if aloud else ""
+
+    with pytest.raises(ModelError, match=r"aloud of said must be True or False, not array"):
+        said(np.array([1.0, 0.0]))
+
+
 def test_an_error_inside_a_function_that_was_given_stays_what_it_is():
     with pytest.raises(ZeroDivisionError):
         labkit.section(run, lambda t, s, p: 1 / 0)

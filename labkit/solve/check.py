@@ -237,7 +237,7 @@ def trouble(
                     return _complex(what, t, s, "")
                 slope = [*map(float, values)] if function is flow else slope
             except Exception as error:
-                if "complex" in str(error):
+                if isinstance(error, TypeError) and "complex" in str(error):
                     return _complex(what, t, s, line_of(error))
                 if not isinstance(error, OverflowError):
                     kind_of = f"{type(error).__name__}: {error}{line_of(error)}"
