@@ -108,10 +108,10 @@ def _letters(name: object) -> object:
     return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
 
 
-def named(given: Mapping, what: str) -> dict:
+def named(given: Mapping, what: str, form: str = "{name: …}") -> dict:
     """A mapping with its names as Python reads them; ModelError where two become one."""
     if not isinstance(given, Mapping):
-        raise ModelError(f"{what} must be a dict {{name: …}}, not {given!r:.60}")
+        raise ModelError(f"{what} must be a dict {form}, not {given!r:.60}")
     made = {_letters(key): value for key, value in given.items()}
     if len(made) < len(given):
         raise ModelError(
@@ -361,11 +361,6 @@ class System:
         self.time = time
         self.units: dict[str, str] = {}
         self.meanings: dict[str, str] = {}
-        if not isinstance(states, Mapping):
-            raise ModelError(
-                f"states of {name!r} must be a dict of names and units, {{'x': 'm', …}}, not "
-                f"{states!r}"
-            )
         if not states:
             raise ModelError(f"system {name!r} has no states: give states={{'x': 'm', …}}")
         self.states = self._add_states(states, "the system")
@@ -406,13 +401,9 @@ class System:
         if callable(mode) and not takes(mode, 3):
             raise ModelError(f"start mode of {name!r} must be a name or a function of (t, s, p)")
         self.mode = mode if mode is not None else next(iter(self.modes))
-        if not isinstance(start or {}, Mapping):
-            raise ModelError(
-                f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r}"
-            )
         self.start = {
             key: number(value, f"start of {key!r}")
-            for key, value in named(start or {}, "start").items()
+            for key, value in named(start or {}, "start", "{'x': 1.0, …}").items()
         }
         if twice := [key for key in self.start if key in self.held]:
             raise ModelError(
@@ -501,7 +492,7 @@ class System:
     def _add_states(
         self, states: Mapping[str, str | tuple[str, str]], owner: str
     ) -> tuple[str, ...]:
-        states = named(states, f"the states of {owner}")
+        states = named(states, f"the states of {owner}", "{'x': 'm', …}")
         for key, what in states.items():
             _identifier(key, f"state of {owner}")
             if key == "t":
@@ -531,13 +522,8 @@ class System:
         return tuple(states)
 
     def _make_parameters(self, parameters: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
-        if not isinstance(parameters, Mapping):
-            raise ModelError(
-                f"parameters of {self.name!r} must be a dict of names and Parameters, not "
-                f"{parameters!r}"
-            )
         made = {}
-        for key, value in named(parameters, "parameters").items():
+        for key, value in named(parameters, f"parameters of {self.name!r}").items():
             _identifier(key, "parameter")
             if key in OPTIONS:
                 raise ModelError(
@@ -585,12 +571,8 @@ class System:
         return made
 
     def _make_held(self, held: Mapping[str, tuple]) -> dict[str, Held]:
-        if not isinstance(held, Mapping):
-            raise ModelError(
-                f"held of {self.name!r} must be a dict, {{'load': ('Ω', 50.0)}}, not {held!r}"
-            )
-        made = {}
-        for key, what in named(held, "held").items():
+        made, form = {}, "{'load': ('Ω', 50.0)}"
+        for key, what in named(held, f"held of {self.name!r}", form).items():
             _identifier(key, "held variable")
             if key == "t" or key in COLUMNS or key in OPTIONS:
                 raise ModelError(

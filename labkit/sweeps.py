@@ -217,8 +217,6 @@ def _sorted(
     system: System, names: Mapping[str, object], start: Mapping[str, object]
 ) -> tuple[dict[str, np.ndarray], dict[str, float], dict[str, object], dict[str, object]]:
     """Axes, single values of parameters and states, options and starts, checked."""
-    if not isinstance(system, System):
-        raise ModelError(f"what is swept must be a System, not {system!r:.60}")
     known = [*system.parameters, *system.units]
     axes: dict[str, np.ndarray] = {}
     fixed: dict[str, float] = {}

@@ -118,7 +118,7 @@ REFUSED = {
     ),
     "states are a list": (
         lambda: system(states=["x"]),
-        r"states of 'cart' must be a dict of names and units, .* not \['x'\]",
+        r"states of the system must be a dict \{'x': 'm', …\}, not \['x'\]",
     ),
     "state without unit": (
         lambda: system(states={"x": None}),
@@ -150,7 +150,7 @@ REFUSED = {
         lambda: system(parameters={"k": Parameter(1.5, low=NAN)}),
         "a bound of parameter 'k' must be finite",
     ),
-    "start is a list": (lambda: system(start=[1.0]), "start must be a dict of states and values"),
+    "start is a list": (lambda: system(start=[1.0]), r"start must be a dict \{'x': 1.0, …\}, not"),
     "output is a function": (
         lambda: system(outputs={"F": guard}),
         r"output 'F' must be Output\(function",

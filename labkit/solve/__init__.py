@@ -31,7 +31,7 @@ from .faded import faded
 from .methods import FIXED_STEP, METHODS
 from .options import count
 from .pool import Pool, pool_of, together
-from .starts import Refused, clocks, mapping, start_of, starts_of, try_functions
+from .starts import Refused, clocks, start_of, starts_of, try_functions
 
 __all__ = ["FIXED_STEP", "METHODS", "simulate", "simulate_many", "warm"]
 
@@ -90,7 +90,7 @@ def simulate(
     options = (t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events)
     pool = pool_of(system, (*options, max_steps), dense=True)
     st, p = pool.settings, system.values(parameters)
-    start = {**system.start, **mapping(start)}
+    start = {**system.start, **({} if start is None else start)}
     values, name = start_of(system, start, mode, st.options.t0, p)
     state, first = np.zeros((1, st.length)), st.place[name]
     state[0, st.places[name]] = values
@@ -176,7 +176,7 @@ def simulate_many(
     options = (t_end, t0, method, rtol, atol, step, max_step, points, locate, backend, max_events)
     pool = pool_of(system, (*options, max_steps), dense=False)
     st = pool.settings
-    given, starting = _arrays(parameters), _arrays(mapping(start))
+    given, starting = _arrays(parameters), _arrays({} if start is None else start)
     p = _parameters(system, given, _lanes(given, starting))
     starting = {**{key: np.array(value) for key, value in system.start.items()}, **starting}
     states, modes, refused = starts_of(st, starting, mode, p)

@@ -14,20 +14,9 @@ from . import core
 from .check import check_functions
 from .settings import Settings
 
-__all__ = ["Refused", "check_start", "clocks", "mapping", "start_of", "starts_of", "try_functions"]
+__all__ = ["Refused", "check_start", "clocks", "start_of", "starts_of", "try_functions"]
 
 Refused = dict[int, ModelError]  # lane -> why it cannot begin
-
-
-def mapping(start: object) -> Mapping:
-    """mapping({"y": 5.0}) -> the start as it is, {} for None; ModelError for what is no dict."""
-    if start is None:
-        return {}
-    if not isinstance(start, Mapping):
-        raise ModelError(
-            f"start must be a dict of states and values, {{'x': 1.0, …}}, not {start!r:.60}"
-        )
-    return start
 
 
 def start_of(
