@@ -571,7 +571,8 @@ class System:
         return made
 
     def _make_held(self, held: Mapping[str, tuple]) -> dict[str, Held]:
-        made, form = {}, "{'load': ('Ω', 50.0)}"
+        made: dict[str, Held] = {}
+        form = "{'load': ('Ω', 50.0)}"
         for key, what in named(held, f"held of {self.name!r}", form).items():
             _identifier(key, "held variable")
             if key == "t" or key in COLUMNS or key in OPTIONS:
