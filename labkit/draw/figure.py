@@ -540,12 +540,13 @@ def head(
 
     while True:
         fitting = [
-            (-(-count // columns), -handle, columns)
+            (-(-count // columns), columns, handle)
             for handle in (2.0, 1.2)
             for columns in range(1, count + 1)
             if columns == 1 or needed(columns, handle) < reach
         ]
-        rows, handle, columns = min(fitting, default=(0, -2.0, 1))
+        # the first that has as few rows as can be
+        rows, columns, handle = min(fitting, key=lambda one: one[0], default=(0, 1, 2.0))
         full = LOW * high < rows * ROW and count * ROW <= tall and needed(1, 1.2) < 0.4 * wide
         least = [entry for entry in entries if entry[0].get_gid() != MODE]
         if full or rows * ROW < MOST * high or len(least) == count:
@@ -557,15 +558,15 @@ def head(
     beyond = 0.0
     if entries and (full or (aside and wide > 4.5)):
         place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-        rows, columns, handle = 0, 1, -1.2 if full else -2.0
-        beyond = needed(1, -handle)
+        rows, columns, handle = 0, 1, 1.2 if full else 2.0
+        beyond = needed(1, handle)
     elif entries and "\n" not in title and over + needed(count, 2.0) < wide:
         place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
-        rows, handle, columns, over = 1, -2.0, count, 0.0
+        rows, columns, handle, over = 1, count, 2.0, 0.0
     elif entries and title and "\n" not in title and over + needed(count, 1.2) < reach:
         right = ScaledTranslation(over, 0, axes.get_figure().dpi_scale_trans)
         place["bbox_transform"] = axes.transAxes + right
-        rows, handle, columns, over = 1, -1.2, count, 0.0
+        rows, columns, handle, over = 1, count, 1.2, 0.0
     rows += max((text.count("\n") for _, text in entries), default=0) if rows else 0
     axes.crown = beyond, ROW * (rows + bool(over) + title.count("\n"))
     with style():
@@ -580,7 +581,7 @@ def head(
                 *zip(*entries, strict=True),
                 **place,
                 ncols=columns,
-                handlelength=-handle,
+                handlelength=handle,
                 borderaxespad=0.2,
                 borderpad=0.2,
             )
