@@ -183,7 +183,7 @@ def catalogue() -> _Catalogue:
         if there:
             rows = [
                 f"| {a.name if a.name[:1].isdigit() else ''} | [{_plain(a.title)}]({a.path}.ipynb) "
-                f"| {a.story} |"
+                f"| {a.story.replace('|', '&#124;')} |"
                 for a in there
             ]
             markdown.append(
@@ -235,6 +235,7 @@ def _opening(path: Path) -> tuple[str, str]:
         return "", ""
     found = re.search(r"^#+ *(.*)$\s*((?:.+\n?)*)", "\n\n".join(texts), re.MULTILINE)
     head, words = found.groups() if found else ("", "")
+    words = "" if words.startswith("#") else words  # another heading
     return head.strip(), " ".join(re.sub(r"^\*[^*]+\*", "", words).split())
 
 

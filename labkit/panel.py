@@ -642,6 +642,8 @@ def explore(
     units or ranges, and whatever the default run or picture raises. With LABKIT_CHECK=1 in the
     environment it tries both ends of every slider and lets all errors out (a widget swallows them).
     """
+    if not isinstance(sliders, Mapping | str | None):
+        sliders = list(sliders)  # each model asks for them, and what is read once is empty then
     several = isinstance(system, Mapping)
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
@@ -744,8 +746,8 @@ def explore(
                 apart = f"by default {same.value:g}, in {label} {control.value:g}"
                 same.meaning = f"{same.meaning} ({apart})".strip()
     order = ("parameters", "start", "algorithm")
-    asked_for = [] if isinstance(sliders, Mapping | str | None) else list(sliders)
-    place = {name: k for k, name in enumerate(asked_for)}  # a list is an order, too
+    # A list is an order, too.
+    place = {name: k for k, name in enumerate(sliders)} if isinstance(sliders, list) else {}
 
     def standing(control: Control) -> tuple[int, int]:
         name = control.key.rpartition(".")[2]

@@ -137,10 +137,8 @@ class _Store:
     def frame(self, panel: Panel) -> dict[str, Any]:
         """The picture on show, by the numbers of its parts, and what the page says beside it."""
         message, buffers = panel._picture(RATIO, True, True)
-        said = {
-            key: message[key] for key in ("verdict", "stopped", "reading", "t", "span", "values")
-        }
-        said["size"] = message["size"]
+        told = ("verdict", "stopped", "reading", "t", "span", "values", "size")
+        said = {key: message[key] for key in told}
         if "mime" in message:  # it has too many points for strokes
             return said | {"mime": message["mime"], "bitmap": self._image(buffers[0])}
         points, pixels = np.frombuffer(buffers[0], "<f4").reshape(-1, 2), buffers[1]

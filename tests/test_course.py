@@ -44,7 +44,8 @@ def folder(tmp_path, monkeypatch):
         "part3/06_dc_dc_converter": [
             "# Boost: up it goes\n\n*Assignment 6.* Twenty in, *forty* out?"
         ],
-        "part2/my_own": ["text\n", "## My <own> relay"],
+        "part2/my_own": ["text\n", "## My <own> relay\n\n|x| < 1"],
+        "concepts/without": ["# Without words\n\n## 1. The task"],
         "part1/.ipynb_checkpoints/x": [],
     }.items():
         path = tmp_path / f"{name}.ipynb"
@@ -147,8 +148,9 @@ def test_catalogue_reads_the_disk(folder):
     as_html = "<b>Up it goes.</b> Twenty in, <em>forty</em> out?"
     assert as_html in assignment(3, 6)._repr_html_() and as_html in project(6)._repr_html_()
     # a teacher's own, by its heading
-    assert r"|  | [My \<own\> relay](part2/my_own.ipynb) |" in page
-    assert page.count("](") == 2 and "checkpoint" not in page
+    assert r"|  | [My \<own\> relay](part2/my_own.ipynb) | &#124;x&#124; < 1 |" in page
+    assert "| [Without words](concepts/without.ipynb) |  |" in page
+    assert page.count("](") == 3 and "checkpoint" not in page
     missing = page.split("*No notebook yet:*")[-2]
     assert "5 Automatic gearbox (`part3/05_automatic_gearbox`)" in missing
     assert "6 DC-DC converter" not in missing and "the handbook describes its model" in page

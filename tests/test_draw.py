@@ -46,7 +46,7 @@ from labkit.draw.figure import PNG_BYTES, head, label, style, symbol
 from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
 from labkit.draw.private import Renderer, measure_as, reshape, tick_size
 from labkit.draw.sketch import CHARACTERISTICS
-from labkit.draw.ticks import over_time, said
+from labkit.draw.ticks import Spaced, over_time, said
 from labkit.draw.time import SHARED
 from labkit.draw.view import Together
 from labkit.draw.words import plain
@@ -1223,6 +1223,38 @@ def test_a_title_gives_way_to_an_authors_legend():
         assert axes.lifted if width < 4 else not axes.lifted
 
 
+def test_what_an_author_writes_at_the_head_stays(block):
+    """Also when the picture gets another size; what is cleared away does not come back."""
+    run = simulate(block, 12.0, **PLAIN)
+    fig = figure(1, 2)
+    titled, listed = (time_plot(run, "x", axes=axes).axes[0] for axes in fig.axes)
+    titled.set_title("mine, of two lines", fontsize=8, color="red")
+    listed.legend(listed.lines[:1], ["own"])
+    for size in ((9.0, 4.0), (3.0, 3.0), (9.0, 4.0)):
+        fig.set_size_inches(size)
+        fig.png()
+        words = heading(titled)
+        assert " ".join(words.get_text().split()) == "mine, of two lines", size
+        assert (words.get_fontsize(), words.get_color()) == (8, "red")
+        assert [text.get_text() for text in listed.get_legend().get_texts()] == ["own"]
+    titled.clear()
+    titled.plot([0, 1], [0, 1])
+    fig.set_size_inches(4.0, 3.0)
+    fig.png()
+    assert titled.get_title("left") == "" and titled.get_legend() is None
+    assert isinstance(titled.xaxis.get_major_locator(), Spaced)
+
+
+def test_a_label_has_the_room_that_no_other_label_needs():
+    fig = figure(width=8.5)
+    axes = fig.axes[0]
+    fig.colorbar(axes.imshow([[0, 1]], aspect="auto"), ax=axes, label="$z$")
+    words = "the duty of the transistor, as a part of the period of the clock [1]"
+    axes.set_xlabel(words)
+    fig.png()
+    assert axes.get_xlabel() == words
+
+
 LARGE = 20 / (9.5 * 96 / 72)  # a classroom: the smallest letters, 9.5 points, 20 pixels high
 
 
@@ -1332,7 +1364,8 @@ def test_between_powers_of_ten_numbers_have_room():
     axes.set_xscale("log")
     for low, high, shown in (
         (0.018, 0.43, {"2·10-2", "5·10-2", "2·10-1"}),
-        (3.2, 7.9, {f"{k}·100" for k in (4, 5, 6, 7)}),
+        (3.2, 7.9, {"4", "5", "6", "7"}),
+        (3.2, 3.47, {"3.2", "3.25", "3.3", "3.35", "3.4", "3.45"}),
         (1.0, 1e3, set()),
     ):
         axes.set_xlim(low, high)
@@ -1483,6 +1516,7 @@ def test_private_names_of_matplotlib_stand_in_one_file():
         "_get_tick_label_size",
         "_unscaled_dash",
         "_left_title",
+        "_set_title_offset_trans",
     )
     for file in folder.rglob("*.py"):
         if file != folder / "draw" / "private.py":

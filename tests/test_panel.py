@@ -147,6 +147,7 @@ def test_which_sliders_and_ranges():
     names = ["v", "delta", "x", "omega0"]  # a list is an order, within parameters and starts
     order = ["p.delta", "p.omega0", "start.v", "start.x"]
     assert list(keys(sliders=names, method=False)) == order
+    assert list(keys(sliders=iter(names), method=False)) == order
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
     assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}

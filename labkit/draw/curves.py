@@ -361,7 +361,7 @@ class Curves(View):
     def _fit_words(self, *_: float) -> None:
         """Words too long for the picture, in large type, become smaller."""
         for text in self.drawn.values():
-            if isinstance(text, Text) and text.get_text():
+            if isinstance(text, Text) and text.get_text().strip():
                 text.set_fontsize(given := vars(text).setdefault("given", text.get_fontsize()))
                 box, page = text.get_window_extent(), self.figure.bbox
                 right = max(box.x1 - page.x1, page.x0 - box.x0) / box.width

@@ -35,7 +35,7 @@ from ..arguments import asked
 from ..model import ModelError, System
 from ..run import write_whole
 from ..show import latex_name
-from .private import Canvas, size_of_words
+from .private import Canvas, retitle, size_of_words, title_size
 from .ticks import Between, Numbers, Spaced
 from .words import MODE, described
 
@@ -148,26 +148,30 @@ class HouseAxes(Axes):
     fitted = (0.0, 0.0, 0.0, 0.0)  # where it was, in inches, at the last call of `when_resized`
     bare = False  # the numbers along x stand at axes below alone
 
-    def __init__(self, *arguments: Any, **options: Any):
-        super().__init__(*arguments, **options)
+    def clear(self) -> None:
+        """Also what this class keeps of what was in the axes; a new one clears itself first."""
+        for name in ("headed", "crown", "lifted", "fitted", "bare", "resized", "whole"):
+            vars(self).pop(name, None)
+        with style():
+            super().clear()
         self._space("x")
         self._space("y")
 
     def tidy(self) -> bool:
         """Fits what has a size into axes that have another now; True where that moves axes."""
         room, moved = _room(self), False
+        title = self.get_title("left")
         if self.headed is not None:
             near = zip(room, self.roomed, strict=True)
-            if not all(0.96 < now / then < 1.18 for now, then in near if now + then):
-                head(self, *self.headed)
-                moved = True
-        elif title := self.get_title("left"):
-            shown = on_lines(self, title, self.title.get_fontsize(), room[1])
-            moved = shown != title
-            if self.get_legend() is not None:
-                moved |= self._lift(shown)
-            elif moved:
-                self.set_title(shown, loc="left")
+            same = all(0.96 < now / then < 1.18 for now, then in near if now + then)
+            given = vars(self)["whole"].get(title, title)  # which an author may have changed
+            if moved := not same or given != self.headed[0]:
+                head(self, given, *self.headed[1:])
+        elif title:
+            shown = on_lines(self, title, title_size(self), room[1])
+            if moved := shown != title:
+                retitle(self, shown)
+            moved |= self._lift(shown)
         moved |= self._break_labels() | self._spare_numbers()
         size = self.get_figure().get_size_inches()
         place = tuple(self.get_position().extents * np.tile(size, 2))
@@ -181,9 +185,13 @@ class HouseAxes(Axes):
         """Labels longer than there is room up to the edge of the figure, or to the next axes."""
         moved, size = False, self.get_figure().get_size_inches()
         place = self.get_position()
-        others = [ax.get_position() for ax in self.get_figure().axes if ax is not self]
         for axis, k in ((self.xaxis, 0), (self.yaxis, 1)):
             middle = (place.min[k] + place.max[k]) / 2
+            others = [
+                ax.get_position()
+                for ax in self.get_figure().axes
+                if ax is not self and (ax.get_xlabel, ax.get_ylabel)[k]()
+            ]
             beside = [o for o in others if abs(o.min[1 - k] - place.min[1 - k]) < 0.02]
             rooms = [abs((o.min[k] + o.max[k]) / 2 - middle) for o in beside]
             room = min([2 * middle, 2 - 2 * middle, *filter(None, rooms)]) * size[k]
@@ -219,16 +227,18 @@ class HouseAxes(Axes):
 
     def _lift(self, words: str) -> bool:
         """Puts a title above a legend that an author has put where the title would be."""
+        if self.get_legend() is None:
+            return False
         box, dpi = self.get_legend().get_window_extent(), self.get_figure().dpi
-        size = self.title.get_fontsize()
+        size = title_size(self)
         over = (box.y1 - self.bbox.y1) * 72 / dpi
         wide = 72 * max(_inches(line, size) for line in words.split("\n"))
         meet = over > 6 and (box.x0 - self.bbox.x0) * 72 / dpi < wide + size
         lift = round(over) if meet else 0
-        if (lift, words) == (self.lifted, self.get_title("left")):
+        if lift == self.lifted:
             return False
         self.lifted = lift
-        self.set_title(words, loc="left", pad=over + 4 if lift else 6)
+        retitle(self, words, over + 4 if lift else 6)
         return True
 
     def _space(self, which: str) -> None:
@@ -253,6 +263,7 @@ class HouseAxes(Axes):
             return super().set_title(*arguments, **options)
 
     def legend(self, *arguments: Any, **options: Any) -> Any:
+        self.headed = None  # an author's own takes the place of that of `head`
         with style():
             return super().legend(*arguments, **options)
 
@@ -514,7 +525,7 @@ def head(
     figure of another size sets both anew.
     """
     wide, reach, tall = axes.roomed = _room(axes)
-    if getattr(axes, "headed", None) is None:
+    if fresh := getattr(axes, "headed", None) is None:
         wide = reach = 1.15 * wide  # the layout widens the axes at first
     axes.headed = title, list(entries), aside
     high = axes.get_figure().get_figheight()
@@ -529,12 +540,13 @@ def head(
 
     while True:
         fitting = [
-            (-(-count // columns), -handle, columns)
+            (-(-count // columns), columns, handle)
             for handle in (2.0, 1.2)
             for columns in range(1, count + 1)
             if columns == 1 or needed(columns, handle) < reach
         ]
-        rows, handle, columns = min(fitting, default=(0, -2.0, 1))
+        # the first that has as few rows as can be
+        rows, columns, handle = min(fitting, key=lambda one: one[0], default=(0, 1, 2.0))
         full = LOW * high < rows * ROW and count * ROW <= tall and needed(1, 1.2) < 0.4 * wide
         least = [entry for entry in entries if entry[0].get_gid() != MODE]
         if full or rows * ROW < MOST * high or len(least) == count:
@@ -546,27 +558,30 @@ def head(
     beyond = 0.0
     if entries and (full or (aside and wide > 4.5)):
         place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-        rows, columns, handle = 0, 1, -1.2 if full else -2.0
-        beyond = needed(1, -handle)
+        rows, columns, handle = 0, 1, 1.2 if full else 2.0
+        beyond = needed(1, handle)
     elif entries and "\n" not in title and over + needed(count, 2.0) < wide:
         place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
-        rows, handle, columns, over = 1, -2.0, count, 0.0
+        rows, columns, handle, over = 1, count, 2.0, 0.0
     elif entries and title and "\n" not in title and over + needed(count, 1.2) < reach:
         right = ScaledTranslation(over, 0, axes.get_figure().dpi_scale_trans)
         place["bbox_transform"] = axes.transAxes + right
-        rows, handle, columns, over = 1, -1.2, count, 0.0
+        rows, columns, handle, over = 1, count, 1.2, 0.0
     rows += max((text.count("\n") for _, text in entries), default=0) if rows else 0
     axes.crown = beyond, ROW * (rows + bool(over) + title.count("\n"))
     with style():
-        axes.set_title(title, loc="left", pad=8 + 72 * ROW * rows if over and rows else 6)
+        if fresh:
+            axes.set_title("", loc="left")
+        retitle(axes, title, 8 + 72 * ROW * rows if over and rows else 6)
         if legend := axes.get_legend():
             legend.remove()
         if entries:
-            legend = axes.legend(
+            legend = Axes.legend(
+                axes,
                 *zip(*entries, strict=True),
                 **place,
                 ncols=columns,
-                handlelength=-handle,
+                handlelength=handle,
                 borderaxespad=0.2,
                 borderpad=0.2,
             )
@@ -600,7 +615,7 @@ def when_resized(axes: Axes, fit: Callable[[float, float], None]) -> None:
 
     It may move what is in the axes, not the axes.
     """
-    vars(axes).setdefault("resized", []).append(fit)
+    vars(axes).setdefault("resized", {})[fit] = None  # each once
 
 
 def on_lines(axes: Axes, words: str, size: float, room: float) -> str:

@@ -9,13 +9,24 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.font_manager import FontProperties, fontManager, get_font
 from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-__all__ = ["Canvas", "Renderer", "closed", "measure_as", "reshape", "size_of_words", "tick_size"]
+__all__ = [
+    "Canvas",
+    "Renderer",
+    "closed",
+    "measure_as",
+    "reshape",
+    "retitle",
+    "size_of_words",
+    "tick_size",
+    "title_size",
+]
 
 
 def reshape(patch: PathPatch, path: Path) -> None:
@@ -40,6 +51,19 @@ def measure_as(renderer: Any, agg: RendererAgg) -> None:
     """Another renderer measures words and lines as this one does."""
     renderer.get_text_width_height_descent = agg.get_text_width_height_descent
     renderer._get_font_height_metrics = agg._get_font_height_metrics
+
+
+def title_size(axes: Axes) -> float:
+    """The size of the title on the left, in points: get_title gives its words alone."""
+    return float(axes._left_title.get_fontsize())
+
+
+def retitle(axes: Axes, words: str, pad: float | None = None) -> None:
+    """Other words on the left, so many points higher: set_title would undo an author's look."""
+    axes._left_title.set_text(words)
+    axes.stale = True
+    if pad is not None:
+        axes._set_title_offset_trans(pad)
 
 
 def tick_size(axis: Any) -> float:

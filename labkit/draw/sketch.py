@@ -704,7 +704,7 @@ class _Pieces(Artist):
         self.wide = self.wide or wide
         words = [artist for artist in self.all if isinstance(artist, Text)]
         sizes = [vars(word).setdefault("given", word.get_fontsize()) for word in words]
-        for scale in np.linspace(1.0, min(1.0, wide / self.wide), 5):
+        for scale in np.unique(np.linspace(1.0, min(1.0, wide / self.wide), 5))[::-1]:
             for word, size in zip(words, sizes, strict=True):
                 word.set_fontsize(size * scale)
             boxes = [word.get_window_extent(renderer) for word in words]

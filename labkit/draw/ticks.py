@@ -73,14 +73,16 @@ class Numbers(ScalarFormatter):
 class Between(Formatter):
     """Between the powers of ten of a logarithmic axis: 2 and 5, up to two decades.
 
-    On an axis shorter than half a decade every digit. Matplotlib's 3 and 4 run together.
+    On an axis shorter than half a decade plain numbers. Matplotlib's 3 and 4 run together.
     """
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         low, high = sorted(self.axis.get_view_interval())
+        if high < 3 * low:
+            return said(x, 6)  # 3.25, on an axis from 3.1 to 3.7
         power = int(np.floor(np.log10(x) + 1e-9))
         digit = round(x / 10.0**power)
-        few = high < 3 * low or (high < 100 * low and digit in (2, 5))
+        few = high < 100 * low and digit in (2, 5)
         return f"$\\mathdefault{{{digit}\\times10^{{{power}}}}}$" if few else ""
 
 
