@@ -73,6 +73,7 @@ function sliderRow(control, changed, refuse) {
     },
     pointermove: ({ clientX }) => finger && (finger.moves ||= Math.abs(clientX - finger.from) > 8),
     pointercancel: () => finger && move(finger.value, true),
+    pointerup: () => setTimeout(() => (finger = null)), // after the change that it makes
     input: () => (still() ? put(current) : move(nearest(range.valueAsNumber), false)),
     change: () => (still() ? put(current) : move(current, true)),
     dblclick: () => move(control.value, true),
@@ -599,8 +600,7 @@ function render({ model, el }) {
   const copy = () => {
     tell(info.code);
     getSelection().selectAllChildren(note); // where copying is not allowed it is ready for Ctrl-C
-    const { code } = info;
-    navigator.clipboard?.writeText(code).then(() => tell(`copied: ${code}`), () => {});
+    navigator.clipboard?.writeText(info.code).then(() => tell(`copied: ${info.code}`), () => {});
   };
   const full = () =>
     document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen();
