@@ -254,6 +254,10 @@ REFUSED = {
         leaving(guard=1.0),
         r"the guard of transition 'a → b' must be a function of \(t, s, p\), not 1.0",
     ),
+    "guard takes two": (
+        leaving(guard=lambda t, s: s.x),
+        r"the guard of transition 'a → b' must be a function of \(t, s, p\), not <function",
+    ),
     "reset is no function": (
         leaving(guard=guard, reset=(0.0,)),
         r"the reset of transition 'a → b' must be a function of \(t, s, p\), not \(0.0,\)",

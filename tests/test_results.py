@@ -111,7 +111,7 @@ def test_again_is_the_same_run_with_changes():
     for wrong, words in (
         ({"E": 0.7}, "'E'; there are 'g', 'e', 't_end'"),
         ({"e": 2.0}, "range"),
-        ({"start": (1, 2)}, "start must be"),
+        ({"start": (1, 2)}, "start of simulate must be"),
     ):
         with pytest.raises(ModelError, match=words):
             run.again(**wrong)

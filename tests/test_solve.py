@@ -1031,7 +1031,6 @@ def good(t, s, p):
         ),
         (one_mode(lambda t, s, p: (s.v, 1 / s.v)), {}, "flow of mode 'motion' fails at the start"),
         (one_mode(lambda t, s, p: (s.v, -p.K * s.x)), {}, "unknown name"),
-        (one_mode(lambda t, s: (s.v, 0.0)), {}, "cannot be called as f"),
         (one_mode(good), {"k": 11.0}, r"parameter 'k' = 11 is outside its range \[0, 10\] N/m"),
         (one_mode(good), {"k": float("nan")}, "parameter 'k' must be finite"),
         (one_mode(good), {"K": 1.0}, "'K' is not a parameter of 'bad'; there are 'k'"),
