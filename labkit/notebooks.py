@@ -283,10 +283,18 @@ def in_parallel(
 
     An interrupt, or an error in `done`, ends the kernels that `executed` has begun.
     """
+    from jupyter_core.utils import ensure_event_loop
+
+    def alone(item: Any) -> Any:
+        try:
+            return work(item)
+        finally:
+            ensure_event_loop().close()  # this thread's, which Jupyter's client leaves open
+
     tasks: dict[Future, Any] = {}
     with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
         try:
-            tasks = {pool.submit(work, item): item for item in items}
+            tasks = {pool.submit(alone, item): item for item in items}
             for task in as_completed(tasks):
                 done(tasks.pop(task), task)
         finally:

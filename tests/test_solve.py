@@ -34,7 +34,11 @@ from labkit.solve import cache
 
 from . import systems
 
-pytestmark = pytest.mark.filterwarnings("error")
+pytestmark = [
+    pytest.mark.filterwarnings("error"),
+    # what is collected here may be another file's garbage
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
 BOTH = ("plain", "compiled")
 EXPLICIT = ("Euler", "Heun", "RK4", "RK45", "DOP853")
 
