@@ -171,7 +171,7 @@ def sweep(
     an option and a state, and when no run at all gave a result.
     """
     if not callable(measure):
-        raise TypeError("measure")  # @asked says it
+        raise ModelError(f"measure of sweep must be a function of one run, not {measure!r:.60}")
     axes, fixed, options, start = _sorted(system, names, start or {})
     shape = tuple(map(len, axes.values()))
     total = int(np.prod(shape))
