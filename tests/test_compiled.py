@@ -522,6 +522,25 @@ class Law:
         return (self.g + s.x,)
 
 
+def test_lambdas_of_one_line_are_told_apart_without_columns(tmp_path):
+    """Python 3.12 keeps no columns of a lambda that gives a constant; this option, none at all."""
+    text = """
+        import ast
+        from labkit.solve.syntax import tree
+
+        made = [lambda s: (1.0,), lambda s: (0.0,), lambda s: (-0.0,), lambda s: (1,)]
+        made += [lambda s: (s.x,), lambda s: (s.y,), lambda s, k=2: (s.x,), lambda s: s.x]
+        for function in made:
+            again = eval(compile(ast.Expression(tree(function)), "<again>", "eval"))
+            for part in ("co_consts", "co_names", "co_varnames", "co_code"):
+                mine, its = getattr(again.__code__, part), getattr(function.__code__, part)
+                assert repr(mine) == repr(its), (part, mine, its)
+    """
+    path = tmp_path / "lines.py"
+    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    subprocess.run([sys.executable, "-X", "no_debug_ranges", path], check=True, cwd=ROOT)
+
+
 def test_partials_objects_and_methods():
     law = Law(3.0)
     part = functools.partial(written("def f(k, t, s, p, m=1):\n    return (k*m*s.x,)")["f"], 2, m=5)

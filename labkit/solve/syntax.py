@@ -31,11 +31,13 @@ def tree(function: types.FunctionType) -> Node | None:
         return None
     name, line = code.co_name, code.co_firstlineno
     here = [n for n in nodes if _line(n) == line and getattr(n, "name", "<lambda>") == name]
-    if len(here) > 1:  # several lambdas in one line: that in whose columns all of the code lies
-        here = [node for node in here if all(_within(place, node) for place in _places(code))]
-        here = sorted(here, key=lambda node: node.end_col_offset - node.col_offset)
-        alike = len({ast.dump(node) for node in here}) == 1
-        return here[0] if here and (alike or any(_places(code))) else None
+    if len(here) > 1:  # several lambdas in one line: the innermost in whose columns all of it lies
+        places = _places(code)
+        if places:
+            here = [node for node in here if all(_within(place, node) for place in places)]
+            here.sort(key=lambda node: node.end_col_offset - node.col_offset)
+        else:  # Python 3.12 has no columns for a lambda that gives a constant
+            here = [node for node in here if _reckons_as(node, code)]
     return here[0] if here else None
 
 
@@ -66,6 +68,13 @@ def _line(node: Node) -> int:
 
 def _places(code: types.CodeType) -> list[tuple[int, int]]:
     return [(line, column) for line, _, column, _ in code.co_positions() if line and column]
+
+
+def _reckons_as(node: Node, code: types.CodeType) -> bool:
+    """Whether a lambda, compiled alone, is that code; one that reads a closure never is."""
+    alone = next(_inside(compile(ast.Expression(node), "<same>", "eval", 0, True)))
+    parts = ("co_code", "co_consts", "co_names", "co_varnames")
+    return all(repr(getattr(alone, part)) == repr(getattr(code, part)) for part in parts)
 
 
 def _within(place: tuple[int, int], node: Node) -> bool:
