@@ -258,3 +258,11 @@ def test_a_start_that_is_no_dict_is_not_passed_over():
     for models in (linear, {"swing": swing, "linear": linear}):
         with pytest.raises(ModelError, match="start"):
             labkit.explore(models, 2.0, start=[1.0], backend="plain")
+
+
+def test_places_of_another_kind_are_said():
+    many = labkit.simulate_many(linear, 1.0, d=[0.1, 0.2], backend="plain")
+    with pytest.raises(ModelError, match=r"which of __getitem__ must be a whole number"):
+        many[[0, 1]]
+    with pytest.raises(ModelError, match="at must be a pair of finite numbers"):
+        labkit.check_design(matrix, (0, 0), np.eye(2), "stable spiral", "rotation", at=(1, 2, 3))
