@@ -550,7 +550,8 @@ def test_a_start_on_a_guard_is_moved_to_a_flight():
     ("call", "words"),
     [
         (lambda: periodic(vdp, at_zero), "say how long to look for returns to it, horizon="),
-        (lambda: periodic(vdp, -1.0), "the period must be positive, not -1"),
+        (lambda: periodic(vdp, -1.0, settle=np.int64(2)), "the period must be positive, not -1"),
+        (lambda: periodic(vdp, -1.0, settle=-2), "settle must be a whole number"),
         (lambda: periodic(vdp, at_zero, horizon=1.0), "crosses the section 0 times, but 3"),
         (lambda: periodic(damped, at_zero, horizon=90.0), "is at rest, not a cycle"),
         (lambda: periodic(damped, 3.0), "is at rest, not a cycle"),

@@ -398,6 +398,7 @@ SWINGING = System(
         ({"x": [1.0], "start": {"x": [1.0]}}, "'x' stands both in start and among the names"),
         ({"x": [1.0, 2.0], "start": {"x": 5.0}}, "'x' stands both in start and among the names"),
         ({"delta": deltas, "start": {"y": 1.0}}, "start names the unknown state"),
+        ({"delta": deltas, "start": {"x": [[1], [1, 2]]}}, "'x' must be numbers in one row"),
     ],
 )
 def test_bad_input_is_refused(names, words):
@@ -409,7 +410,7 @@ def test_a_name_that_is_an_option_and_a_state_is_refused():
     with pytest.raises(ModelError, match="'rtol' is both an option and a state of 'clash'"):
         sweep(SWINGING, 1.0, ending, rtol=[1e-3])
     for name in ("executor", "progress", "accept"):
-        with pytest.raises(ModelError, match=f"parameter '{name}' is named like an option"):
+        with pytest.raises(ModelError, match=f"parameter '{name}' has the name of an option"):
             System("x", {"x": ""}, {name: 1.0}, [Mode("m", flow)], start={"x": 1.0})
     with pytest.raises(ModelError, match="must be a System, not 3"):
         sweep(3, 1.0, ending, a=[1])
