@@ -179,7 +179,8 @@ def _size(value: complex) -> float:
 def _short(value: Any) -> str:
     """A value in a table: numbers with six digits."""
     if _many(value):
-        return ", ".join(map(_short, sorted(value) if isinstance(value, Set) else value))
+        words = map(_short, value)
+        return ", ".join(sorted(words) if isinstance(value, Set) else words)
     number = None if _plain(value) else _complex(value)
     if number is None:
         return str(value)

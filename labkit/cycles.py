@@ -59,6 +59,8 @@ def periodic(
     settle = 1 if settle is None else settle
     if not isinstance(settle, Integral) or settle < 0:
         raise ModelError(f"settle must be a whole number of at least 0, not {settle!r}")
+    if direction not in (None, 1, -1):
+        raise ModelError(f"direction is 1 (rising) or -1 (falling), not {direction!r}")
     if not callable(where):
         period = number(where, "the period")
         if period <= 0:

@@ -60,16 +60,16 @@ def section(
     Raises ModelError for a period that is not positive, and as run.at does.
     """
     since = run.t[0] if since is None else number(since, "since")
+    if direction not in (-1, 0, 1):
+        raise ModelError(f"direction is 1 (rising), -1 (falling) or 0 (both), not {direction!r}")
     if not callable(where):
         period = number(where, "the period of a section")
         if period <= 0:
             raise ModelError(f"the period of a section must be positive, not {period:g}")
         count = int(np.floor((run.t[-1] - run.t[0]) / period * (1 + 1e-12))) + 1
         t = np.minimum(run.t[0] + period * np.arange(count), run.t[-1])
-    elif direction in (-1, 0, 1):
-        t = _zeros(run, where, direction)
     else:
-        raise ModelError(f"direction is 1 (rising), -1 (falling) or 0 (both), not {direction!r}")
+        t = _zeros(run, where, direction)
     t = np.clip(t[t >= since], run.t[0], run.t[-1])
     return Section(t, run.at(t, side="before" if callable(where) else "after"))
 

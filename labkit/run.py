@@ -220,7 +220,7 @@ class Run:
         """
         if side not in ("before", "after"):
             raise ModelError(f"side is 'before' or 'after', not {side!r}")
-        when = np.atleast_1d(np.asarray(t, dtype=float))
+        when = np.ravel(np.asarray(t, dtype=float))
         first, last = self.t[0], self.t[-1]
         outside = ~((when >= first) & (when <= last))  # NaN, too
         if outside.any():
@@ -228,7 +228,8 @@ class Run:
         between, names = self._between(when, side), (*self.system.units, *self.system.outputs)
         found = {name: between.column(self.system, self.p, name) for name in names}
         found["mode"] = self._modes[between.mode_index]
-        return found if np.ndim(t) else {key: value.item() for key, value in found.items()}
+        shape = np.shape(t)
+        return {n: each.reshape(shape) if shape else each.item() for n, each in found.items()}
 
     def _between(self, when: np.ndarray, side: str) -> Samples:
         """At times inside the run, from its pieces."""

@@ -504,6 +504,7 @@ def test_run_at_many_times():
     assert found["mode"].tolist() == ["a", "b", "b"]
     np.testing.assert_allclose(found["y"], [NAN, 20, 21])
     assert run.at(np.array([]))["x"].shape == (0,)
+    assert run.at([[0.5], [2.0]])["mode"].tolist() == [["a"], ["b"]]
     for wrong, words in (
         (3.01, "t = 3.01 lies outside the run, 0 … 3"),
         ([0, -1], "t = -1 lies outside"),
