@@ -113,14 +113,19 @@ class Sweep:
         return write_whole(path, lines(heads, zip(*columns.values(), strict=True)))
 
     def columns(self) -> dict[str, list]:
-        """m.columns() -> {"d": […], "R": […], result: […], "reason": […]}, a value for each run."""
+        """m.columns() -> {"d": […], "R": […], result: […], "reason": […]}, a value for each run.
+
+        A result with the name of another column is called "d of the run".
+        """
         places = list(np.ndindex(self.shape))
         made = {
             name: [axis[place[k]].item() for place in places]
             for k, (name, axis) in enumerate(self.axes.items())
         }
         for name, result in self.results.items():
-            made[name or self.name or "value"] = result.ravel().tolist()
+            name = name or self.name or "value"
+            taken = name in made or name == "reason"
+            made[f"{name} of the run" if taken else name] = result.ravel().tolist()
         return {**made, "reason": [self.reasons.get(place, "") for place in places]}
 
     def to_frame(self) -> Any:
@@ -154,7 +159,7 @@ def sweep(
                name -> such a thing
     names      parameters, states (their start) or options of `simulate_many`. A sequence of numbers
                is an axis, one to three of them; a single number holds for all. Of the options,
-               method, rtol, atol, step, max_step and locate may be an axis
+               method, rtol, atol, step, max_step, locate and backend may be an axis
     start      as in `simulate_many`; a value may be a function of the parameters, f(p)
     executor   any Executor of concurrent.futures; left out, compiled runs are shared out over the
                processors by themselves. To other processes the model goes pickled: its functions

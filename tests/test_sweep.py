@@ -103,7 +103,7 @@ def test_words_and_several_results():
     # the first swing goes down to −exp(−δπ/w)
     w = np.sqrt(1 - deltas**2)
     np.testing.assert_array_equal(m["low"][:, 0], np.exp(-deltas * np.pi / w) > 0.5)
-    with pytest.raises(ModelError, match="has no result 'high'; it has 'how', 'last', 'low'"):
+    with pytest.raises(ModelError, match="has no result 'high'; there are 'how', 'last', 'low'"):
         m["high"]
 
 
@@ -560,3 +560,9 @@ def test_a_map_in_given_axes():
     three = sweep(oscillator, 1.0, ending, delta=deltas, omega=omegas, x=[0.9, 1.0])
     with pytest.raises(ModelError, match="three axes are maps side by side"):
         three.picture(axes=fig.axes[0])
+
+
+def test_a_result_with_the_name_of_an_axis_has_a_column_of_its_own():
+    m = sweep(oscillator, 0.1, lambda run: {"delta": 5.0}, delta=[0.1, 0.2], backend="plain")
+    columns = m.columns()
+    assert (columns["delta"], columns["delta of the run"]) == ([0.1, 0.2], [5.0, 5.0])
