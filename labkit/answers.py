@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import cmath
 import math
-import numbers
 import os
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
@@ -82,12 +81,10 @@ def _judged(answer: Any, right: Any, rel: float, abs: float) -> tuple[bool | Non
     if isinstance(right, str | Set):
         return _word(answer, {right} if isinstance(right, str) else right)
     if _yes_or_no(right):
-        if not _yes_or_no(answer):
-            return False, f"{_said(answer)} is neither `True` nor `False`."
-        return _verdict(bool(answer) == bool(right), answer)
-    if _many(right):
-        return _several(answer, list(right), rel, abs)
-    return _number(answer, right, rel, abs)
+        if _yes_or_no(answer):
+            return _verdict(bool(answer) == bool(right), answer)
+        return False, f"{_said(answer)} is neither `True` nor `False`."
+    return (_several if _many(right) else _number)(answer, right, rel, abs)
 
 
 def _within(right: Any, rel: float, abs: float) -> str:
@@ -97,23 +94,22 @@ def _within(right: Any, rel: float, abs: float) -> str:
     size = None if _plain(right) else _complex(right)
     if size is None:
         return ""
-    return f"{abs:.3g}" if abs > rel * math.hypot(*_parts(size)) else f"{100 * rel:.3g} %"
+    return f"{abs:.3g}" if abs > rel * _size(size) else f"{100 * rel:.3g} %"
 
 
 def _word(answer: Any, right: Set[str]) -> tuple[bool, str]:
     if not isinstance(answer, str):
         return False, f"{_said(answer)} is no word: write it in quotes."
-    plain = {" ".join(word.lower().strip(" .!").split()) for word in right}
-    return _verdict(" ".join(answer.lower().strip(" .!").split()) in plain, answer)
+    word, *plain = (" ".join(w.lower().strip(" .!").split()) for w in (answer, *right))
+    return _verdict(word in plain, answer)
 
 
-def _several(answer: Any, right: list, rel: float, abs: float) -> tuple[bool | None, str]:
+def _several(answer: Any, right: Any, rel: float, abs: float) -> tuple[bool | None, str]:
     if not _many(answer):
         return False, f"{_said(answer)} is one value; here are {len(right)} asked for, in brackets."
-    given = list(answer)
-    if len(given) != len(right):
-        return False, f"There are {len(right)} values asked for, not {len(given)}."
-    found = [_judged(*pair, rel, abs) for pair in zip(given, right, strict=True)]
+    if len(answer) != len(right):
+        return False, f"There are {len(right)} values asked for, not {len(answer)}."
+    found = [_judged(*pair, rel, abs) for pair in zip(answer, right, strict=True)]
     if any(ok is None for ok, _ in found):
         return None, "No answer yet: one of the values is still missing."
     wrong = [number for number, (ok, _) in enumerate(found, 1) if not ok]
@@ -137,59 +133,54 @@ def _number(answer: Any, right: Any, rel: float, abs: float) -> tuple[bool, str]
         return False, f"There is nothing to compare with: the right answer came out as {right!r}."
     if not cmath.isfinite(value):
         return False, f"{_said(answer)} is not a finite number."
-    near = max(rel * math.hypot(goal.real, goal.imag), abs)
+    near = max(rel * _size(goal), abs)
 
     def close(other: complex) -> bool:
-        return math.hypot(*_parts(other - goal)) <= near * (1 + 1e-12)
+        return _size(other - goal) <= near * (1 + 1e-12)
 
     if close(value):
         return _verdict(True, answer)
     if goal and close(-value):
         return False, f"{_said(answer)} has the right size, but not the right sign."
     if goal and value:
-        power = round(math.log10(math.hypot(*_parts(value)) / math.hypot(*_parts(goal))))
+        power = round(math.log10(_size(value) / _size(goal)))
         if power and close(value * 10.0**-power):
-            times = f"10^{power}" if power > 0 else f"10^−{-power}"
-            return (
-                False,
-                f"{_said(answer)} is ${times.replace('^', '^{')}}}$ times the right number.",
-            )
+            times = f"$10^{{{power}}}$".replace("-", "−")
+            return False, f"{_said(answer)} is {times} times the right number."
     return _verdict(False, answer)
 
 
 def _verdict(ok: bool, answer: Any) -> tuple[bool, str]:
-    return ok, f"{_said(answer)} is right." if ok else f"{_said(answer)} is not right yet."
+    return ok, f"{_said(answer)} is {'right' if ok else 'not right yet'}."
 
 
 def _many(value: Any) -> bool:
     """Whether it is a list, a tuple, an array or a matrix of values."""
-    return (
-        isinstance(value, Sequence | Set)
-        and not isinstance(value, str)
-        or (getattr(value, "shape", ()) != () and hasattr(value, "__iter__"))
-    )
+    if isinstance(value, Sequence | Set):
+        return not isinstance(value, str)
+    return getattr(value, "shape", ()) != () and hasattr(value, "__iter__")
 
 
 def _complex(value: Any) -> complex | None:
     """As a complex number, for everything that is a number: of Python, NumPy or SymPy."""
-    if not isinstance(value, numbers.Number) and not hasattr(value, "__complex__"):
-        if not hasattr(value, "__float__"):
-            return None
-        return complex(float(value))
+    if isinstance(value, str):
+        return None
     try:
         return complex(value)
     except (TypeError, ValueError, OverflowError):
         return None
 
 
-def _parts(value: complex) -> tuple[float, float]:
-    return value.real, value.imag
+def _size(value: complex) -> float:
+    """Infinite where the built-in abs raises OverflowError."""
+    return math.hypot(value.real, value.imag)
 
 
 def _short(value: Any) -> str:
     """A value in a table: numbers with six digits."""
     if _many(value):
-        return ", ".join(map(_short, sorted(value) if isinstance(value, Set) else value))
+        words = map(_short, value)
+        return ", ".join(sorted(words) if isinstance(value, Set) else words)
     number = None if _plain(value) else _complex(value)
     if number is None:
         return str(value)

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-import math
+import sys
+import traceback
 import types
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import wraps
@@ -21,7 +22,8 @@ def asked(function: Callable) -> Callable:
 
     Where it fails with an error of Python's, its arguments are looked at: one that is not what its
     annotation says makes a ModelError that names it, its value and how the function is called.
-    What works is left to work, and costs nothing.
+    What works is left to work, and costs nothing; an error inside a function that was given stays
+    what it is, unless the argument was handed on to it.
     """
 
     @wraps(function)
@@ -31,9 +33,11 @@ def asked(function: Callable) -> Callable:
         except Exception as error:
             from .model import ModelError  # whose own functions are asked, too
 
-            if isinstance(error, ModelError) or not (said := _wrong(function, given, named)):
+            if isinstance(error, ModelError):
                 raise
-            raise ModelError(said) from error
+            if said := _wrong(function, given, named, _guests(error)):
+                raise ModelError(said) from error
+            raise
 
     return checked
 
@@ -45,11 +49,8 @@ def unambiguous(function: Callable) -> Callable:
     given: one could not tell which is meant. Its arguments are @asked.
     """
     ask = asked(function)
-    own = {
-        name
-        for name, each in signature(function).parameters.items()
-        if each.kind != each.VAR_KEYWORD
-    }
+    form = signature(function).parameters.values()
+    own = {each.name for each in form if each.kind != each.VAR_KEYWORD}
 
     @wraps(function)
     def checked(*given: Any, **named: Any) -> Any:
@@ -69,8 +70,35 @@ def unambiguous(function: Callable) -> Callable:
     return checked
 
 
-def _wrong(function: Callable, given: tuple, named: Mapping[str, Any]) -> str:
-    """The first argument that is not what its annotation says, in words; "" if there is none."""
+def _guests(error: BaseException) -> list[types.FrameType]:
+    """Calls in its traceback of code that is neither labkit's nor of a library: functions given."""
+    # the first two are `checked` and the function itself
+    calls = [frame for frame, _ in traceback.walk_tb(error.__traceback__)][2:]
+    return [each for each in calls if each.f_globals["__name__"].split(".")[0] not in _LIBRARIES]
+
+
+_LIBRARIES = {
+    "IPython",
+    "PIL",
+    "labkit",
+    "matplotlib",
+    "numba",
+    "numpy",
+    "scipy",
+    "sympy",
+    "traitlets",
+}
+_LIBRARIES |= sys.stdlib_module_names
+
+
+def _wrong(
+    function: Callable, given: tuple, named: Mapping[str, Any], guests: list[types.FrameType]
+) -> str:
+    """The first argument that is not what its annotation says, in words; "" if there is none.
+
+    Of an error of guests only one of which they know can be the cause.
+    """
+    heard = [id(value) for guest in guests for value in guest.f_locals.values()]
     form = signature(function)
     try:
         arguments = form.bind(*given, **named).arguments
@@ -83,18 +111,19 @@ def _wrong(function: Callable, given: tuple, named: Mapping[str, Any]) -> str:
             hint = eval(hint, function.__globals__) if isinstance(hint, str) else hint
         except NameError:  # one that only a type checker imports
             continue
-        found = {name: value}
-        if each.kind in (each.VAR_KEYWORD, each.VAR_POSITIONAL):
-            found = value if each.kind == each.VAR_KEYWORD else dict(enumerate(value))
-        for key, one in found.items():
-            if not _fits(one, hint):
+        found = [(name, value)]
+        if each.kind == each.VAR_POSITIONAL:
+            found = [(name, one) for one in value]
+        elif each.kind == each.VAR_KEYWORD:
+            found = list(value.items())
+        for key, one in found:
+            if not _fits(one, hint) and (not guests or id(one) in heard):
                 what = function.__qualname__.removesuffix(".__init__").rpartition(".")[2]
                 usage = " ".join((function.__doc__ or "").partition("\n\n")[0].split())
                 usage = f". It is called so: {usage.partition(' -> ')[0]}" * bool(usage)
                 shown = f"{one!r:.60}"
                 if isinstance(one, types.FunctionType):
                     shown = f"{one.__name__}{signature(one)}"
-                key = name if isinstance(key, int) else key
                 return f"{key} of {what} must be {_said(hint)}, not {shown}{usage}"
     return ""
 
@@ -103,20 +132,16 @@ def _fits(value: Any, hint: Any) -> bool:
     import numpy as np  # not before it is installed: `python -m labkit` has a use for models
 
     kind, inner = get_origin(hint), get_args(hint)
-    if _numbers(hint):
+    if hint is float or _numbers(hint):
         try:
-            return bool(np.isfinite(np.asarray(value, dtype=float)).all())
+            found = np.asarray(float(value) if hint is float else value, dtype=float)
+            return bool(np.isfinite(found).all())
         except (TypeError, ValueError):
             return False
     if kind in (Union, types.UnionType):
         return any(_fits(value, one) for one in inner)
     if hint is int:
         return isinstance(value, Integral)
-    if hint is float:
-        try:
-            return math.isfinite(float(value))
-        except (TypeError, ValueError):
-            return False
     if kind is Callable:
         return callable(value) if inner[0] is Ellipsis else takes(value, len(inner[0]))
     if isinstance(value, np.ndarray):
@@ -149,10 +174,10 @@ def takes(function: object, count: int) -> bool:
         return False
     try:
         signature(function).bind(*range(count))
-    except TypeError:
-        return False
     except ValueError:  # one of C
         return True
+    except TypeError:
+        return False
     return True
 
 
@@ -163,21 +188,21 @@ def _said(hint: Any) -> str:
     if kind in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(map(_said, inner)))
     if kind is Callable:
-        names = {1: "one argument", 3: "(t, s, p)"} if inner[0] is not Ellipsis else {}
-        of = names.get(len(inner[0]), f"{len(inner[0])} arguments") if names else ""
-        return f"a function of {of}" if of else "a function"
+        if inner[0] is Ellipsis:
+            return "a function"
+        count = len(inner[0])
+        of = {1: "one argument", 3: "(t, s, p)"}.get(count, f"{count} arguments")
+        return f"a function of {of}"
     if kind is Literal:
         return " or ".join(map(repr, inner))
     cls = kind or hint
     words = {float: "a number", int: "a whole number", str: "a text", bool: "True or False"}
+    words |= {None: "None", type(None): "None"}
     if cls in words:
         return words[cls]
-    if cls in (None, type(None)):
-        return "None"
     if isinstance(cls, type) and issubclass(cls, Mapping):
-        return "a dict" + (
-            f" {{name: {_said(inner[1])}}}" if inner and inner[1] is not object else ""
-        )
+        of = f" {{name: {_said(inner[1])}}}" if inner and inner[1] is not object else ""
+        return f"a dict{of}"
     if isinstance(cls, type) and issubclass(cls, tuple) and inner and inner[-1] is not Ellipsis:
         return f"({', '.join(map(_said, inner))})"
     if isinstance(cls, type) and issubclass(cls, Iterable) and kind:

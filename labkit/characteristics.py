@@ -14,24 +14,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from . import formulas
 from .arguments import asked
-from .formulas import (
-    FUNCTIONS,
-    integral,
-    integrals,
-    names_of,
-    number_of,
-    parsed,
-    put,
-    sympy_of,
-    values_of,
-)
-from .model import ModelError, Output, System, listed
+from .formulas import FUNCTIONS, names_of, number_of, parsed, sympy_of, values_of
+from .model import ModelError, Output, check_names
 from .switching import Builder, Law
 
 __all__ = ["Branch", "Characteristic", "characteristic", "from_points"]
@@ -49,13 +40,20 @@ class Branch:
 
     @cached_property
     def names(self) -> set[str]:
-        texts = (*self.edges, *self.pieces)
-        return {n for text in texts for n in names_of(text)} - {"x", *FUNCTIONS}
+        return {n for text in self.texts for n in names_of(text)} - {"x", *FUNCTIONS}
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        return (*self.edges, *self.pieces)
+
+    def spans(self) -> list[tuple[str, str]]:
+        """branch.spans() -> the ends of each piece, (edge below, edge above); "" for none."""
+        ends = ("", *self.edges, "")
+        return list(zip(ends, ends[1:], strict=False))
 
     def region(self, place: int, x: str) -> str:
         """region(1, "x") -> "-a < x < a": where piece 1 holds, in words."""
-        low = self.edges[place - 1] if place else ""
-        high = self.edges[place] if place < len(self.edges) else ""
+        low, high = self.spans()[place]
         if low and high:
             return f"|{x}| < {high}" if low == f"-{high}" else f"{low} < {x} < {high}"
         return f"{x} > {low}" if low else f"{x} < {high}" if high else f"any {x}"
@@ -127,23 +125,26 @@ def characteristic(kind: str, *, memory: bool = False, **names: str | float) -> 
 
     Raises ModelError for an unknown kind or name, and for memory where it has no meaning.
     """
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ModelError(f"there is no characteristic {kind!r}; there are {listed(KINDS)}")
+    check_names([kind], KINDS, "there is no characteristic {}")
     branches = KINDS[kind]
-    known = {name for branch in branches for name in branch.names}
-    if unknown := [name for name in names if name not in known]:
-        raise ModelError(f"{kind!r} has no {listed(unknown)}; it has {listed(sorted(known))}")
+    known = sorted({name for branch in branches for name in branch.names})
+    check_names(names, known, f"{kind!r} has no {{}}")
     for name, value in names.items():
-        number = not isinstance(value, str) and value is not True and value is not False
-        if number and not (isinstance(value, int | float) and math.isfinite(value)):
+        real = isinstance(value, int | float) and not isinstance(value, bool)
+        if not isinstance(value, str) and not (real and math.isfinite(value)):
             raise ModelError(f"{name} = {value!r} is neither a number nor a formula as text")
-        if "x" in names_of(str(value)):
-            raise ModelError(f"{name} = {value!r}: x is the input, no parameter can be called so")
-    made = [
-        Branch(*(tuple(put(text, names) for text in part) for part in (b.edges, b.pieces)))
-        for b in branches
-    ]
+        _no_x(str(value), f"{name} = {value!r}")
+
+    def put(texts: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(formulas.put(text, names) for text in texts)
+
+    made = [Branch(put(branch.edges), put(branch.pieces)) for branch in branches]
     return Characteristic(kind, *made, memory=memory)
+
+
+def _no_x(text: str, what: str) -> None:
+    if "x" in names_of(text):
+        raise ModelError(f"{what}: x is the input, no parameter can be called so")
 
 
 Points = Sequence[Sequence[float | str]]
@@ -187,21 +188,22 @@ def _points(curve: Points) -> list[tuple[float | str, float | str]]:
         raise ModelError(
             f"points are pairs (x, F) of numbers or of formulas as text, not {curve!r:.80}"
         ) from None
-    values = [value for point in points for value in point]
-    for text in (value for value in values if isinstance(value, str)):
-        if "x" in names_of(text):
-            raise ModelError(f"{text!r}: x is the input, no parameter can be called so")
-    numbers = [value for value in values if not isinstance(value, str)]
+    numbers = []
+    for value in (value for point in points for value in point):
+        if isinstance(value, str):
+            _no_x(value, repr(value))
+        else:
+            numbers.append(value)
     if len(points) < 2 or not np.all(np.isfinite(numbers)):
         raise ModelError(f"a curve needs two points or more, all finite, not {points}")
     for one, two in zip(points, points[1:], strict=False):
         if not isinstance(one[0], str) and not isinstance(two[0], str) and two[0] < one[0]:
             raise ModelError(
-                f"after ({_said(one[0])}, {_said(one[1])}) the curve goes back to "
-                f"({_said(two[0])}, {_said(two[1])}): F would not be a function of x; give the "
+                f"after ({', '.join(map(_said, one))}) the curve goes back to "
+                f"({', '.join(map(_said, two))}): F would not be a function of x; give the "
                 "points from left to right"
             )
-    for one, _, three in zip(points, points[1:], points[2:], strict=False):
+    for one, three in zip(points, points[2:], strict=False):
         if one[0] == three[0]:
             raise ModelError(f"three points at x = {_said(one[0])}: a jump has two, its ends")
     return points
@@ -212,28 +214,24 @@ def _said(value: float | str) -> str:
 
 
 def _through(points: list[tuple[float | str, float | str]]) -> Branch:
-    edges, pieces = [_text(points[0][0])], [_text(points[0][1])]
+    def term(value: float | str) -> str:
+        """As a part of a formula."""
+        text = str(value)
+        return f"({text})" if isinstance(value, str) and not text.isidentifier() else text
+
+    edges, pieces = [str(points[0][0])], [str(points[0][1])]
     for (x0, F0), (x1, F1) in zip(points, points[1:], strict=False):
         if x1 == x0:
             continue  # a jump
-        a, low, b, high = map(_term, (x0, F0, x1, F1))
+        a, low, b, high = map(term, (x0, F0, x1, F1))
         if F1 == F0:
-            pieces.append(_text(F0))
+            pieces.append(str(F0))
         elif any(isinstance(value, str) for value in (x0, F0, x1, F1)):
             pieces.append(f"{low} + ({high} - {low})*(x - {a})/({b} - {a})")
         else:
-            pieces.append(f"{low} + {(F1 - F0) / (x1 - x0)!r}*(x - {a})")
-        edges.append(_text(x1))
-    return Branch(tuple(edges), (*pieces, _text(points[-1][1])))
-
-
-def _text(value: float | str) -> str:
-    return value if isinstance(value, str) else repr(value)
-
-
-def _term(value: float | str) -> str:
-    """As a part of a formula."""
-    return f"({value})" if isinstance(value, str) and not value.isidentifier() else _text(value)
+            pieces.append(f"{low} + {(F1 - F0) / (x1 - x0)}*(x - {a})")
+        edges.append(str(x1))
+    return Branch(tuple(edges), (*pieces, str(points[-1][1])))
 
 
 class Characteristic:
@@ -258,7 +256,7 @@ class Characteristic:
                     f"{name!r}: {len(branch.edges)} break points need {len(branch.edges) + 1} "
                     f"pieces, not {len(branch.pieces)}"
                 )
-            for text in (*branch.edges, *branch.pieces):
+            for text in branch.texts:
                 parsed(text)
         if memory and not (self.hysteresis and self.rising.pieces == self.falling.pieces):
             raise ModelError(
@@ -282,8 +280,11 @@ class Characteristic:
 
     def edges(self, p: object, way: int = 1) -> np.ndarray:
         """edges(p) -> (k,) the break points for x' > 0 (way=1) or x' < 0 (way=-1)."""
-        branch = self.rising if way > 0 else self.falling
-        return np.array([float(number_of(text, p)) for text in branch.edges])
+        return np.array([float(number_of(text, p)) for text in self.branch(way).edges])
+
+    def branch(self, way: int) -> Branch:
+        """branch(-1) -> the Branch for x' < 0."""
+        return self.rising if way > 0 else self.falling
 
     def __call__(self, x: object, p: object = (), v: object = 1.0) -> np.ndarray | float:
         """relay(x, p, v=-1.0) -> F, an array if x or v is one; v = x' chooses the branch.
@@ -293,17 +294,14 @@ class Characteristic:
         """
         self.check(p)
         x, v = np.broadcast_arrays(_numbers(x, "x"), _numbers(v, "x'"))
-        up, down = (
-            self._on(branch, x, p, side)
-            for branch, side in ((self.rising, "right"), (self.falling, "left"))
-        )
-        found = np.where(v < 0, down, up)
+        found = np.where(v < 0, self._on(-1, x, p, "left"), self._on(1, x, p, "right"))
         return found if found.shape else float(found)
 
-    def _on(self, branch: Branch, x: np.ndarray, p: object, side: str) -> np.ndarray:
-        edges = np.array([float(number_of(text, p)) for text in branch.edges])
-        place = np.asarray(np.searchsorted(edges, x, side=side))
-        pieces = [np.broadcast_to(number_of(text, p, x), x.shape) for text in branch.pieces]
+    def _on(self, way: int, x: np.ndarray, p: object, side: str) -> np.ndarray:
+        place = np.asarray(np.searchsorted(self.edges(p, way), x, side=side))
+        pieces = [
+            np.broadcast_to(number_of(text, p, x), x.shape) for text in self.branch(way).pieces
+        ]
         return np.take_along_axis(np.stack(pieces), place[None], axis=0)[0]
 
     def check(self, p: object) -> None:
@@ -312,60 +310,52 @@ class Characteristic:
         The break points must not go back. Of two branches the rising one (x' > 0) must not lie
         above the falling one, and both must be the same far out on either side.
         """
+        if fault := self._fault(p):
+            values = values_of(p)
+            said = ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
+            raise ModelError(f"{self.name}: {fault}{f' ({said})' * bool(said)}")
+
+    def _fault(self, p: object) -> str:
         for way, branch in self.branches:
             edges = self.edges(p, way)
             if not np.all(np.isfinite(edges)):
-                raise ModelError(
-                    f"{self.name}: the break points {edges} are not all finite{self._said(p)}"
-                )
-            for k in np.flatnonzero(np.diff(edges) < 0)[:1].tolist():
-                raise ModelError(
-                    f"{self.name}: the break points must rise, but {branch.edges[k]} = "
-                    f"{edges[k]:g} lies right of {branch.edges[k + 1]} = {edges[k + 1]:g}"
-                    f"{self._said(p)}"
+                return f"the break points {edges} are not all finite"
+            if np.any(back := np.diff(edges) < 0):
+                k = int(np.argmax(back))
+                return (
+                    f"the break points must rise, but {branch.edges[k]} = {edges[k]:g} lies right "
+                    f"of {branch.edges[k + 1]} = {edges[k + 1]:g}"
                 )
             ends = np.concatenate([edges[:1], edges, edges[-1:]])
-            for k, (text, low, high) in enumerate(zip(branch.pieces, ends, ends[1:], strict=False)):
+            spans = zip(branch.spans(), branch.pieces, ends, ends[1:], strict=False)
+            for names, text, low, high in spans:
                 if not np.all(np.isfinite(number_of(text, p, np.array([low, high])))):
-                    where = (
-                        f"{' and '.join(branch.edges[k - 1 : k + 1])} are both {low:g}: "
-                        if low == high and 0 < k < len(branch.edges)
-                        else ""
-                    )
-                    raise ModelError(
-                        f"{self.name}: {where}the piece {text} has no value between {low:g} and "
-                        f"{high:g}{self._said(p)}"
-                    )
+                    point = low == high and all(names)
+                    where = f"{' and '.join(names)} are both {low:g}: " if point else ""
+                    return f"{where}the piece {text} has no value between {low:g} and {high:g}"
         if not self.hysteresis:
-            return
+            return ""
         edges = np.unique(np.concatenate([self.edges(p, 1), self.edges(p, -1)]))
         gap = max(float(np.ptp(edges)), float(np.abs(edges).max()), 1e-300)
-        places = [edges[0] - gap, *((edges[1:] + edges[:-1]) / 2), edges[-1] + gap]
-        for side in (-1e-9, 1e-9):  # pieces are monotonic between break points
-            places += list(edges + side * gap)
-        x = np.sort(places)
-        up = self._on(self.rising, x, p, "right")
-        down = self._on(self.falling, x, p, "right")
+        beside = edges - 1e-9 * gap, edges + 1e-9 * gap  # pieces are monotonic between break points
+        middles, ends = (edges[1:] + edges[:-1]) / 2, (edges[0] - gap, edges[-1] + gap)
+        x = np.sort(np.concatenate([*beside, middles, ends]))
+        up, down = (self._on(way, x, p, "right") for way in (1, -1))
         size = 1e-12 * max(np.abs(up).max(), np.abs(down).max())
         worst = np.flatnonzero(up - down >= (up - down).max() - size)
         k = worst[len(worst) // 2]
         if up[k] > down[k] + size:
-            raise ModelError(
-                f"{self.name}: the branches cross: at x = {x[k]:.6g} the one for x' > 0 has F = "
-                f"{up[k]:.6g}, above the {down[k]:.6g} of the one for x' < 0{self._said(p)}"
+            return (
+                f"the branches cross: at x = {x[k]:.6g} the one for x' > 0 has F = {up[k]:.6g}, "
+                f"above the {down[k]:.6g} of the one for x' < 0"
             )
         for k in (0, -1):
             if abs(up[k] - down[k]) > size:
-                raise ModelError(
-                    f"{self.name}: the branches do not meet: at x = {x[k]:.6g} they have F = "
-                    f"{up[k]:.6g} and {down[k]:.6g}{self._said(p)}"
+                return (
+                    f"the branches do not meet: at x = {x[k]:.6g} they have F = {up[k]:.6g} and "
+                    f"{down[k]:.6g}"
                 )
-
-    def _said(self, p: object) -> str:
-        """The values of the parameters, in brackets; nothing where there are none."""
-        values = values_of(p)
-        said = ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
-        return f" ({said})" if said else ""
+        return ""
 
     # -- what theory makes of it -------------------------------------------------------------------
 
@@ -385,7 +375,8 @@ class Characteristic:
         gaps = np.zeros(len(piece))
         for k, text in enumerate(self.rising.pieces):
             ends = places[:-1][piece == k], places[1:][piece == k]
-            gaps[piece == k] = integrals(lambda q, text=text: number_of(text, p, q), *ends)
+            f = partial(number_of, text, p)
+            gaps[piece == k] = formulas.integrals(f, *ends)
         work = np.concatenate([[0.0], np.cumsum(gaps)])
         total = work[np.searchsorted(places, x)] - work[np.searchsorted(places, 0.0)]
         return total if total.shape else float(total)
@@ -409,20 +400,18 @@ class Characteristic:
                 f"{self.name}: an amplitude of {amplitude:g} does not reach the break points at "
                 f"±{far:g}; a relay with memory then keeps what it had before"
             )
+
+        def harmonic(a: np.ndarray, text: str, way: int) -> np.ndarray:
+            x = amplitude * np.sin(a)
+            return number_of(text, p, x) * (np.sin(a) + 1j * way * np.cos(a))
+
         total = 0j
-        for way, branch in ((1, self.rising), (-1, self.falling)):
+        for way in (1, -1):
             cuts = np.arcsin(np.clip(self.edges(p, way) / amplitude, -1, 1)).tolist()
             corners = [-math.pi / 2, *cuts, math.pi / 2]
             # x' < 0: the same places again, θ runs on from π/2 to 3π/2
-            for text, low, high in zip(branch.pieces, corners, corners[1:], strict=False):
-                total += integral(
-                    lambda a, text=text, way=way: (
-                        number_of(text, p, amplitude * np.sin(a))
-                        * (np.sin(a) + 1j * way * np.cos(a))
-                    ),
-                    low,
-                    high,
-                )
+            for text, *ends in zip(self.branch(way).pieces, corners, corners[1:], strict=False):
+                total += formulas.integral(partial(harmonic, text=text, way=way), *ends)
         return complex(total) / (math.pi * amplitude)
 
     # -- the hybrid system -------------------------------------------------------------------------
@@ -462,8 +451,7 @@ class Characteristic:
         With law (and states, as for `modes`) F at rest is the value that holds the balance, if the
         law is linear in F; without it, the mean of the two values between which it lies.
         """
-        build = Builder(self, law, states)
-        return Output(build.outputs(), unit, meaning)
+        return Output(Builder(self, law, states).outputs(), unit, meaning)
 
     # -- pictures ----------------------------------------------------------------------------------
 
@@ -476,16 +464,13 @@ class Characteristic:
         self.check(p)
         every = np.abs(np.concatenate([self.edges(p, 1), self.edges(p, -1)]))
         reach = reach or 1.6 * float(every.max(initial=0.0)) or 1.0
-        edges = [e for e in self.edges(p, way) if abs(e) < reach]
-        branch = self.rising if way > 0 else self.falling
-        corners = [-reach, *edges, reach]
+        edges, pieces = self.edges(p, way), self.branch(way).pieces
+        corners = [-reach, *edges[abs(edges) < reach], reach]
         points = []
         for low, high in zip(corners, corners[1:], strict=False):
-            fine = 2 if branch.edges else 201
-            x = np.linspace(low, high, fine)
-            middle = np.full(1, (low + high) / 2)
-            place = int(np.searchsorted(self.edges(p, way), middle, side="right")[0])
-            F = np.broadcast_to(number_of(branch.pieces[place], p, x), x.shape)
+            x = np.linspace(low, high, 2 if len(edges) else 201)
+            place = np.searchsorted(edges, (low + high) / 2, side="right")
+            F = np.broadcast_to(number_of(pieces[place], p, x), x.shape)
             points.append(np.column_stack([x, F]))
         found = np.concatenate(points)
         return found if way > 0 else found[::-1]
@@ -510,7 +495,6 @@ class Characteristic:
         """
         from .draw import COLORS, figure
 
-        p = p.values() if isinstance(p, System) else p
         fig = None if axes is not None else figure(width=6.4, height=3.0)
         ax = axes if fig is None else fig.axes[0]
         drawn = [(way, self.curve(p, reach, way)) for way, _ in self.branches]
@@ -536,18 +520,9 @@ def _arrows(ax: Any, points: np.ndarray, color: str) -> None:
     for one, two in zip(points, points[1:], strict=False):
         if np.linalg.norm((two - one) / size) > 0.3:
             middle = 0.55 * two + 0.45 * one
-            ax.annotate(
-                "",
-                middle + 0.01 * (two - one),
-                middle,
-                arrowprops={
-                    "arrowstyle": "-|>",
-                    "color": color,
-                    "mutation_scale": 16,
-                    "shrinkA": 0,
-                    "shrinkB": 0,
-                },
-            )
+            look = {"arrowstyle": "-|>", "color": color, "mutation_scale": 16}
+            look |= {"shrinkA": 0, "shrinkB": 0}
+            ax.annotate("", middle + 0.01 * (two - one), middle, arrowprops=look)
 
 
 def _numbers(values: object, what: str) -> np.ndarray:
@@ -579,10 +554,9 @@ class Formula:
         lines = []
         for way, branch in self.made.branches:
             when = rf",\ \dot x {'>' if way > 0 else '<'} 0" if self.made.hysteresis else ""
-            for k, piece in enumerate(branch.pieces):
-                low = f"{tex(branch.edges[k - 1])} < " if k else ""
-                high = f" < {tex(branch.edges[k])}" if k < len(branch.edges) else ""
-                where = f"{low}x{high}" if low or high else ""
+            for piece, (low, high) in zip(branch.pieces, branch.spans(), strict=True):
+                below, above = low and f"{tex(low)} < ", high and f" < {tex(high)}"
+                where = f"{below}x{above}" if low or high else ""
                 lines.append(f"{tex(piece)}, & {where}{when}" if where or when else tex(piece))
         rows = r" \\ ".join(lines)
         body = rows if len(lines) == 1 else rf"\begin{{cases}}{rows}\end{{cases}}"

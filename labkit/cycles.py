@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from inspect import signature
+from numbers import Integral
 from typing import Any
 
 from .arguments import asked, unambiguous
@@ -56,8 +57,10 @@ def periodic(
     """
     options = {"rtol": rtol, "method": method}
     settle = 1 if settle is None else settle
-    if not isinstance(settle, int) or settle < 0:
+    if not isinstance(settle, Integral) or settle < 0:
         raise ModelError(f"settle must be a whole number of at least 0, not {settle!r}")
+    if direction not in (None, 1, -1):
+        raise ModelError(f"direction is 1 (rising) or -1 (falling), not {direction!r}")
     if not callable(where):
         period = number(where, "the period")
         if period <= 0:
@@ -96,15 +99,14 @@ def monodromy(system: System, where: float | Function, **arguments: Any) -> Mono
     Raises ModelError as periodic does.
     """
     own = signature(periodic).parameters
-    given = {name: each.default for name, each in own.items() if each.kind is each.KEYWORD_ONLY}
-    clash = given.keys() & arguments.keys() & system.parameters.keys()  # periodic says it
+    usual = {name: each.default for name, each in own.items() if each.kind is each.KEYWORD_ONLY}
+    clash = usual.keys() & arguments.keys() & system.parameters.keys()  # periodic says it
     if not (clash or callable(where) or any(tr.guard for tr in system.transitions)):
-        p = system.values({name: x for name, x in arguments.items() if name not in given})
-        given |= {name: x for name, x in arguments.items() if name in given}
-        begin = {name: given[name] for name in ("start", "mode", "t0")}
-        options = {name: given[name] for name in ("rtol", "method")}
-        period, begin["t0"] = number(where, "the period"), number(begin["t0"], "t0")
-        if made := linear(system, period, **begin, options=options, p=p._asdict()):
+        p = system.values({name: x for name, x in arguments.items() if name not in usual})
+        given = usual | arguments
+        begin = {"start": given["start"], "mode": given["mode"], "t0": number(given["t0"], "t0")}
+        options = {"rtol": given["rtol"], "method": given["method"]}
+        if made := linear(system, number(where, "the period"), begin, options, p._asdict()):
             return made
     return periodic(system, where, **arguments).monodromy
 

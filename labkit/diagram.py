@@ -27,7 +27,7 @@ from matplotlib.transforms import Bbox
 from .arguments import asked
 from .draw.figure import INK, VEIL, Figure, figure, mode_colors, style, tint, when_resized
 from .draw.view import View
-from .equations import Equations, check_system, equations
+from .equations import Equations, equations
 from .model import At, Every, System, Transition
 
 __all__ = ["mode_diagram"]
@@ -78,7 +78,7 @@ def mode_diagram(system: System, axes: Axes | None = None) -> Figure | View:
 
     Raises ModelError for what is no System.
     """
-    check_system(system, "mode_diagram")
+
     if axes is not None:
         return _Lit(system, axes)
     with style():

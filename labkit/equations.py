@@ -15,7 +15,7 @@ import inspect
 import sys
 import textwrap
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,19 +25,12 @@ from sympy.core.function import AppliedUndef
 from sympy.printing.latex import LatexPrinter
 
 from .arguments import asked
-from .model import At, Every, ModelError, System, Transition, listed
+from .model import At, Every, ModelError, System, Transition, check_names, listed
 from .show import latex_name, split_name
 from .table import Table
 from .trace import Quantity, Tracer, Untraceable, expression
 
-__all__ = [
-    "Equations",
-    "Jacobian",
-    "Untraced",
-    "equations",
-    "jacobian",
-    "parameter_table",
-]
+__all__ = ["Equations", "Jacobian", "Untraced", "equations", "jacobian", "parameter_table"]
 
 
 @dataclass(frozen=True)
@@ -89,8 +82,8 @@ class Equations:
             self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)
         ]
         self._output = {
-            name: {mode: self._trace(f, mode) for mode, f in self._functions(name).items()}
-            for name in system.outputs
+            name: {mode: self._trace(f, mode) for mode in system.modes if (f := what.of(mode))}
+            for name, what in system.outputs.items()
         }
         self.flows = {mode: self._expand(shown) for mode, shown in self._shown.items()}
         first = {id(row.transition): row for row in reversed(self._rows)}
@@ -107,39 +100,27 @@ class Equations:
         s = kind(*(Quantity(self.states[name]) for name in kind._fields))
         try:
             result = self._tracer.trace(function, Quantity(self.t), s, self._p)
-            if names is None and isinstance(result, tuple):
-                raise Untraceable(f"it returns {len(result)} values and not one number")
-            if names is None:
-                return result
-            result = result if isinstance(result, tuple) else (result,)
-            if len(result) != len(names):
-                raise Untraceable(
-                    f"it returns {len(result)} values for the {len(names)} states {listed(names)}"
-                )
-            return dict(zip(names, result, strict=True))
         except Untraceable as error:
             return Untraced(_source(function), str(error))
+        if names is None and not isinstance(result, tuple):
+            return result
+        values = result if isinstance(result, tuple) else (result,)
+        if names is not None and len(values) == len(names):
+            return dict(zip(names, values, strict=True))
+        goal = f"for the {len(names)} states {listed(names)}" if names else "and not one number"
+        return Untraced(_source(function), f"it returns {len(values)} values {goal}")
 
     def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
         mode = sources[0]
         guard = None if tr.guard is None else self._trace(tr.guard, mode)
+        reset = None
         if isinstance(tr.reset, Mapping):
             parts = self.system.reset_parts(tr, mode)
             reset = {name: self._trace(parts[name], mode) for name in tr.reset}
             reset = next((e for e in reset.values() if isinstance(e, Untraced)), reset)
         elif tr.reset is not None:
             reset = self._trace(tr.reset, mode, self.system.states_of(tr.target or mode))
-        else:
-            reset = None
         return _Row(tr, sources, guard, reset)
-
-    def _functions(self, output: str) -> Mapping[str, Callable]:
-        function = self.system.outputs[output].function
-        return (
-            function
-            if isinstance(function, Mapping)
-            else dict.fromkeys(self.system.modes, function)
-        )
 
     def _expand(self, what: Any) -> Any:
         if isinstance(what, Mapping):
@@ -162,49 +143,29 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
-        words = {
-            n: f"${latex_name(n)}$"
-            + (f" {system.meanings[n]}" if system.meanings[n] else "")
-            + (f" [{u}]" if u else "")
-            for n, u in system.units.items()
-        }
-        parts = [
-            f"**{system.name}**: states "
-            f"{', '.join(words[n] for n in words if n not in system.held)}"
-        ]
-        if system.held:
-            parts[0] += (
-                f"; held, changed by events only: {', '.join(words[n] for n in system.held)}"
-            )
+        words = {}
+        for name, unit in system.units.items():
+            word = f"${latex_name(name)}$", system.meanings[name], unit and f"[{unit}]"
+            words[name] = " ".join(filter(None, word))
+        held = ", ".join(words.pop(name) for name in system.held)
+        held = f"; held, changed by events only: {held}" if held else ""
+        parts = [f"**{system.name}**: states {', '.join(words.values())}{held}"]
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
             shown = self._shown[mode.name]
             if isinstance(shown, Untraced):
                 parts.append(_code(title, shown))
             else:
-                lines = (rf"{_dot(name)} &= {self.latex(e)}" for name, e in shown.items())
-                parts += [
-                    title,
-                    "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$",
-                ]
+                lines = (f"{_dot(name)} &= {self.latex(e)}" for name, e in shown.items())
+                parts += [title, _aligned(lines)]
         parts += self._output_parts()
-        if self._tracer.definitions:
-            heads = (
-                (latex_name(d.name), ", ".join(map(self.latex, d.args)), self.latex(d.e))
-                for d in self._tracer.definitions.values()
-            )
-            lines = (
-                rf"{name}" + (rf"\left({args}\right)" if args else "") + f" &= {e}"
-                for name, args, e in heads
-            )
-            parts += [
-                "where",
-                "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$",
-            ]
+        if helpers := self._tracer.definitions.values():
+            heads = (_called(each.name, map(self.latex, each.args)) for each in helpers)
+            lines = zip(heads, (self.latex(each.e) for each in helpers), strict=True)
+            parts += ["where", _aligned(map(" &= ".join, lines))]
         if self._rows:
             parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in self._rows)]
-        parts.append(self._start())
-        return "\n\n".join(parts)
+        return "\n\n".join([*parts, self._start()])
 
     def _output_parts(self) -> list[str]:
         lines, parts = [], []
@@ -214,108 +175,75 @@ class Equations:
                 continue
             same = len(modes) == len(self.system.modes) and len({*modes.values()}) == 1
             for mode, e in list(modes.items())[: 1 if same else None]:
-                lines.append(
-                    rf"{latex_name(name)} &= {self.latex(e)}"
-                    + ("" if same else rf" && \text{{({mode})}}")
-                )
-        return [
-            *(
-                ["Outputs", "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"]
-                if lines
-                else []
-            ),
-            *parts,
-        ]
+                where = "" if same else rf" && \text{{({mode})}}"
+                lines.append(f"{latex_name(name)} &= {self.latex(e)}{where}")
+        return ["Outputs", _aligned(lines), *parts] if lines else parts
 
     def _words(self, row: _Row) -> str:
         """**bounce**, flight → flight: when $y$ falls through 0; then $v^{+} = - e v$."""
         tr = row.transition
         sources = " or ".join(f"*{name}*" for name in row.sources)
-        arrow = f"{sources} → {f'*{tr.target}*' if tr.target else '**end of the run**'}"
-        text = (
-            f"**{tr.label}**, " if tr.label else ""
-        ) + f"{arrow}: {self.condition(tr, row.guard)}"
+        target = f"*{tr.target}*" if tr.target else "**end of the run**"
+        text = f"**{tr.label}**, " if tr.label else ""
+        text += f"{sources} → {target}: {self.condition(tr, row.guard)}"
         if isinstance(row.reset, Untraced):
             code = textwrap.indent(_code("", row.reset).strip(), "  ")
             text += f"; then the state is changed by\n\n{code}\n"
         elif row.reset:
-            changed = {
-                n: e
-                for n, e in row.reset.items()
-                if e != self.states[n] or n not in self.system.states_of(row.sources[0])
-            }
-            after = (rf"${latex_name(n)}^{{+}} = {self.latex(e)}$" for n, e in changed.items())
-            text += f"; then {', '.join(after)}" if changed else "; the state is kept"
+            before = self.system.states_of(row.sources[0])
+            after = [
+                rf"${latex_name(name)}^{{+}} = {self.latex(e)}$"
+                for name, e in row.reset.items()
+                if e != self.states[name] or name not in before
+            ]
+            text += f"; then {', '.join(after)}" if after else "; the state is kept"
         if tr.zeno:
             text += f"; if infinitely many of these pile up: over to *{tr.zeno}*"
         return text + (f" (priority {tr.priority:g})" if tr.priority else "")
 
     def condition(self, tr: Transition, guard: Any) -> str:
         """When a transition fires, in words and LaTeX."""
+        way = _WAYS[tr.direction]
         if isinstance(tr.at, Every):
-            text = f"every {self._time(tr.at.period)}" + (
-                "" if tr.at.first is None else f", first at {self._time(tr.at.first)}"
-            )
+            text = f"every {self._time(tr.at.period)}"
+            text += "" if tr.at.first is None else f", first at {self._time(tr.at.first)}"
         elif isinstance(tr.at, At):
             text = "at $t$ = " + ", ".join(map(self._time, tr.at.instants))
         elif isinstance(guard, Untraced):
             code = " ".join(guard.source.split())
-            text = (
-                f"when its guard {_WAYS[tr.direction]} 0 "
-                f"(a guard shown as code, because {guard.why}: `{code}`)"
-            )
+            text = f"when its guard {way} 0 (a guard shown as code, because {guard.why}: `{code}`)"
         else:
-            text = f"when ${self.latex(guard)}$ {_WAYS[tr.direction]} 0"
+            text = f"when ${self.latex(guard)}$ {way} 0"
         text += f" by more than {tr.tolerance:g}" if tr.tolerance else ""
-        text += (
-            f", or is {'above' if tr.direction > 0 else 'below'} 0 already when the mode is entered"
-            if tr.urgent
-            else ""
-        )
-        return text + (
-            f", after a dead time of {self._time(tr.delay)}"
-            if callable(tr.delay) or isinstance(tr.delay, str) or tr.delay
-            else ""
-        )
+        if tr.urgent:
+            side = "above" if tr.direction > 0 else "below"
+            text += f", or is {side} 0 already when the mode is entered"
+        return text + (f", after a dead time of {self._time(tr.delay)}" if tr.delay else "")
 
     def _time(self, value: Any) -> str:
-        return f"${self.latex(value)}$" + (
-            "" if isinstance(value, str) or callable(value) else f" {self.system.time}"
-        )
+        unit = "" if isinstance(value, str) or callable(value) else f" {self.system.time}"
+        return f"${self.latex(value)}${unit}"
 
     def _start(self) -> str:
         system = self.system
         at = ", ".join(
-            f"${latex_name(n)} = {self.latex(v)}$ {system.units[n]}".strip()
-            for n, v in system.start.items()
+            f"${latex_name(name)} = {self.latex(value)}$ {system.units[name]}".strip()
+            for name, value in system.start.items()
         )
-        return (
-            "Start "
-            + (
-                "in the mode that suits the state"
-                if callable(system.mode)
-                else f"in *{system.mode}*"
-            )
-            + (f" with {at}" if at else "")
-        )
+        own = "the mode that suits the state" if callable(system.mode) else f"*{system.mode}*"
+        return f"Start in {own}" + (f" with {at}" if at else "")
 
     def __repr__(self) -> str:
         lines = [self.system.name]
         for mode, flow in self.flows.items():
-            lines += [
-                f"  {mode}:",
-                *(
-                    [textwrap.indent(str(flow), "    ")]
-                    if isinstance(flow, Untraced)
-                    else (f"    {n}' = {e}" for n, e in flow.items())
-                ),
-            ]
+            lines.append(f"  {mode}:")
+            if isinstance(flow, Untraced):
+                lines.append(textwrap.indent(str(flow), "    "))
+            else:
+                lines += [f"    {name}' = {e}" for name, e in flow.items()]
         for tr, guard, reset in zip(self.system.transitions, self.guards, self.resets, strict=True):
-            when = (
-                self.condition(tr, guard).replace("$", "")
-                if guard is None
-                else f"{guard} {_WAYS[tr.direction]} 0"
-            )
+            when = f"{guard} {_WAYS[tr.direction]} 0"
+            when = self.condition(tr, guard).replace("$", "") if guard is None else when
             lines.append(f"  {tr.name}: {when}" + (f"; then {reset}" if reset else ""))
         return "\n".join(lines)
 
@@ -323,6 +251,7 @@ class Equations:
 _WAYS = {-1: "falls through", 0: "passes through", 1: "rises through"}
 
 
+@asked
 def equations(system: System) -> Equations:
     """equations(system) -> Equations: of each mode, then transitions, outputs and start.
 
@@ -330,7 +259,6 @@ def equations(system: System) -> Equations:
     `.flows`, `.guards`, `.resets` and `.outputs` hold SymPy expressions. A function that is no
     formula is shown as its source, with the reason; no exception.
     """
-    check_system(system, "equations")
     return Equations(system)
 
 
@@ -343,6 +271,7 @@ class Jacobian(sp.ImmutableDenseMatrix):
     equations: Equations
     mode: str
 
+    @asked
     def at(
         self, state: Mapping[str, float] | None = None, t: float = 0.0, **parameters: float
     ) -> np.ndarray:
@@ -351,15 +280,11 @@ class Jacobian(sp.ImmutableDenseMatrix):
         What is left out is as in the system. Raises ModelError for an unknown or missing state or
         parameter.
         """
-        system = self.equations.system
+        made, system = self.equations, self.equations.system
         names = system.S[self.mode]._fields
-        state = {**{n: system.start[n] for n in names if n in system.start}, **(state or {})}
+        state = {name: system.start[name] for name in names if name in system.start} | (state or {})
         values = [t, *system.check_start(state, self.mode), *system.values(parameters)]
-        symbols = [
-            self.equations.t,
-            *(self.equations.states[n] for n in names),
-            *self.equations.parameters.values(),
-        ]
+        symbols = [made.t, *(made.states[name] for name in names), *made.parameters.values()]
         return np.array(sp.lambdify(symbols, sp.Matrix(self), "numpy")(*values), dtype=float)
 
     def _repr_latex_(self) -> str:
@@ -376,17 +301,9 @@ def jacobian(system: System, mode: str | None = None) -> Jacobian:
     not be traced.
     """
     made = equations(system)
-    mode = (
-        mode
-        if mode is not None
-        else next(iter(system.modes))
-        if callable(system.mode)
-        else system.mode
-    )
-    if mode not in system.modes:
-        raise ModelError(
-            f"{mode!r} is not a mode of {system.name!r}; there are {listed(system.modes)}"
-        )
+    if mode is None:
+        mode = next(iter(system.modes)) if callable(system.mode) else system.mode
+    check_names([mode], system.modes, f"{{}} is not a mode of {system.name!r}")
     flow = made.flows[mode]
     if isinstance(flow, Untraced):
         raise ModelError(
@@ -406,54 +323,32 @@ def _derivative(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
     SymPy alone would give Dirac pulses and unevaluated derivatives of floor.
     """
     e = e.replace(sp.Mod, lambda a, b: a - b * sp.floor(a / b))
-    steps = {
-        step: sp.Dummy(real=True) for step in e.atoms(sp.sign, sp.floor, sp.ceiling, sp.Heaviside)
-    }
-    return (
-        sp.diff(e.xreplace(steps), x)
-        .xreplace({dummy: step for step, dummy in steps.items()})
-        .replace(sp.DiracDelta, lambda *_: sp.Integer(0))
-    )
+    jumps = e.atoms(sp.sign, sp.floor, sp.ceiling, sp.Heaviside)
+    steps = {step: sp.Dummy(real=True) for step in jumps}
+    slope = sp.diff(e.xreplace(steps), x).xreplace({dummy: step for step, dummy in steps.items()})
+    return slope.replace(sp.DiracDelta, lambda *_: sp.Integer(0))
 
 
+@asked
 def parameter_table(system: System) -> Table:
     """parameter_table(system) -> Table: a row for every parameter, then for every held variable.
 
     Symbol, name in the code, meaning, value (of a held variable: at the start), unit and range.
     """
-    check_system(system, "parameter_table")
+
+    def row(name: str, what: Any, value: float, symbol: str | None, span: str) -> tuple:
+        shown = f"${symbol or latex_name(name)}$", f"`{name}`"
+        return *shown, what.meaning, _plain(value), what.unit, span
+
     rows = []
     for name, what in system.parameters.items():
-        low, high = (None if bound is None else _plain(bound) for bound in (what.low, what.high))
-        span = (
-            f"{low} … {high}"
-            if low and high
-            else f"≥ {low}"
-            if low
-            else f"≤ {high}"
-            if high
-            else "any"
-        )
-        rows.append(
-            (
-                f"${what.symbol or latex_name(name)}$",
-                f"`{name}`",
-                what.meaning,
-                _plain(what.value),
-                what.unit,
-                span,
-            )
-        )
+        low, high = ("" if bound is None else _plain(bound) for bound in (what.low, what.high))
+        half = f"≥ {low}" if low else f"≤ {high}" if high else "any"
+        span = f"{low} … {high}" if low and high else half
+        rows.append(row(name, what, what.value, what.symbol, span))
     for name, held in system.held.items():
-        symbol = f"${latex_name(name)}$"
-        span = "changed by events"
-        rows.append((symbol, f"`{name}`", held.meaning, _plain(held.start), held.unit, span))
+        rows.append(row(name, held, held.start, None, "changed by events"))
     return Table(("symbol", "in the code", "meaning", "value", "unit", "range"), rows)
-
-
-def check_system(system: object, who: str) -> None:
-    if not isinstance(system, System):
-        raise ModelError(f"{who} takes a System, not {type(system).__name__}")
 
 
 def _plain(value: float) -> str:
@@ -465,6 +360,16 @@ def _groups(system: System, tr: Transition) -> list[tuple[str, ...]]:
     for source in tr.sources:
         groups.setdefault(system.states_of(source), []).append(source)
     return [tuple(group) for group in groups.values()]
+
+
+def _aligned(lines: Iterable[str]) -> str:
+    return "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"
+
+
+def _called(name: str, args: Iterable[str]) -> str:
+    """LaTeX of a helper with its arguments, if it has some."""
+    inner = ", ".join(args)
+    return latex_name(name) + (rf"\left({inner}\right)" if inner else "")
 
 
 def _dot(name: str) -> str:
@@ -491,46 +396,34 @@ class _Printer(LatexPrinter):
     """
 
     def __init__(self, owner: Equations):
-        super().__init__(
-            {"ln_notation": True, "inv_trig_style": "full", "mul_symbol": r" \, "}
-        )  # e v is not a variable "ev"
+        # e v is not a variable "ev"
+        how = {"ln_notation": True, "inv_trig_style": "full", "mul_symbol": r" \, "}
+        super().__init__(how)
         self._owner = owner
 
     def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:
-        parameter = (
-            self._owner.system.parameters.get(expr.name)
-            if expr == self._owner.parameters.get(expr.name)
-            else None
-        )
-        return parameter.symbol if parameter and parameter.symbol else latex_name(expr.name)
+        own = self._owner.system.parameters.get(expr.name)
+        if own and own.symbol and expr == self._owner.parameters[expr.name]:
+            return own.symbol
+        return latex_name(expr.name)
 
     _print_Dummy = _print_Symbol
 
     def _print_Function(self, expr: Any, exp: str | None = None) -> str:
-        definition = (
-            self._owner._tracer.definitions.get(expr.func.__name__)
-            if isinstance(expr, AppliedUndef)
-            else None
-        )
+        known = self._owner._tracer.definitions if isinstance(expr, AppliedUndef) else {}
+        definition = known.get(expr.func.__name__)
         if definition is None:
             return super()._print_Function(expr, exp)
         put = dict(zip(definition.formals, expr.args, strict=True))
-        args = ", ".join(self._print(put.get(a, a)) for a in definition.args)
-        return (
-            latex_name(definition.name)
-            + (rf"\left({args}\right)" if args else "")
-            + (f"^{{{exp}}}" if exp else "")
-        )
+        args = (self._print(put.get(a, a)) for a in definition.args)
+        return _called(definition.name, args) + (f"^{{{exp}}}" if exp else "")
 
     def _print_Float(self, expr: sp.Float) -> str:
         mantissa, _, power = f"{float(expr):.6g}".partition("e")
-        return (
-            mantissa
-            if not power
-            else f"10^{{{int(power)}}}"
-            if mantissa == "1"
-            else rf"{mantissa} \cdot 10^{{{int(power)}}}"
-        )
+        if not power:
+            return mantissa
+        times = "" if mantissa == "1" else rf"{mantissa} \cdot "
+        return f"{times}10^{{{int(power)}}}"
 
     def _as_ordered_terms(self, expr: sp.Add, order: str | None = None) -> list[sp.Expr]:
         rank = {x: i for i, x in enumerate([*self._owner.states.values(), self._owner.t])}
@@ -538,10 +431,9 @@ class _Printer(LatexPrinter):
             super()._as_ordered_terms(expr, order),
             key=lambda term: min((rank.get(x, 99) for x in term.free_symbols), default=99),
         )
-        positive = next(
-            (k for k, term in enumerate(terms) if not term.could_extract_minus_sign()), 0
-        )
-        return [terms[positive], *terms[:positive], *terms[positive + 1 :]]
+        first = next((term for term in terms if not term.could_extract_minus_sign()), terms[0])
+        terms.remove(first)
+        return [first, *terms]
 
 
 class _Callable(types.ModuleType):

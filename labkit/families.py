@@ -12,7 +12,7 @@ make. The family has the quantities of the handbook, λ, u, v and φ, on its sli
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2, cos, degrees, pi, sin
 
 import numpy as np
@@ -20,36 +20,16 @@ from numpy.typing import ArrayLike
 
 from .arguments import asked
 from .linear import E, affine, borders, classify, equilibrium, finite
-from .model import Mode, ModelError, Parameter, System, listed
+from .model import Mode, ModelError, Parameter, System, check_names, listed
 from .run import Run
-from .similarity import Similarity, base_of
+from .similarity import BLOCKS, Similarity, base_of, clean, pair, rows
 
 __all__ = ["Decomposition", "decomposition", "describe", "family"]
 
 Parts = Callable[[tuple], tuple[np.ndarray, Similarity]]
 
 
-# ---- Λ and S as functions of the parameters, entry by entry: so that models can use them
-
-
-def _two(p):
-    return p.lambda1, 0.0, 0.0, p.lambda2
-
-
-def _star(p):
-    return p.lambda0, 0.0, 0.0, p.lambda0
-
-
-def _improper(p):
-    return p.lambda0, 0.0, 1.0, p.lambda0
-
-
-def _spiral(p):
-    return p.alpha, p.beta, -p.beta, p.alpha
-
-
-def _centre(p):
-    return 0.0, p.beta, -p.beta, 0.0
+# ---- S as functions of the parameters, entry by entry: so that models can use them
 
 
 def _matrix_a(p):
@@ -72,42 +52,33 @@ def _rotation(p):
     return cos(p.phi), -sin(p.phi), sin(p.phi), cos(p.phi)
 
 
-#: of each type: Λ, and what its numbers mean
-_BLOCKS = {
-    "node": (_two, {"lambda1": "eigenvalue 1", "lambda2": "eigenvalue 2"}),
-    "saddle": (_two, {"lambda1": "eigenvalue 1", "lambda2": "eigenvalue 2"}),
-    "star": (_star, {"lambda0": "both eigenvalues"}),
-    "improper node": (_improper, {"lambda0": "both eigenvalues"}),
-    "spiral point": (_spiral, {"alpha": "growth rate", "beta": "turning rate"}),
-    "centre": (_centre, {"beta": "turning rate"}),
-}
 #: of each transformation: S, and its numbers, in ranges where S has an inverse
 _WAYS = {
     "matrix A": (
         _matrix_a,
-        [
-            ("u1", Parameter(0.8, "", "u, direction of the shear", -1, 1)),
-            ("u2", Parameter(0.6, "", "u, direction of the shear", -1, 1)),
-            ("k", Parameter(1.2, "", "shear along u: v = k (u2, −u1)", -6, 6)),
-        ],
+        {
+            "u1": Parameter(0.8, "", "u, direction of the shear", -1, 1),
+            "u2": Parameter(0.6, "", "u, direction of the shear", -1, 1),
+            "k": Parameter(1.2, "", "shear along u: v = k (u2, −u1)", -6, 6),
+        },
     ),
     "matrix B": (
         _matrix_b,
-        [
-            ("u1", Parameter(1.0, "", "u, direction of the stretch", 0.2, 2)),
-            ("u2", Parameter(0.5, "", "u, direction of the stretch", -2, 2)),
-            ("d", Parameter(0.8, "", "d = (u, v): u is stretched 1 + d times", -0.9, 3)),
-            ("k", Parameter(-1.0, "", "shear along u", -3, 3)),
-        ],
+        {
+            "u1": Parameter(1.0, "", "u, direction of the stretch", 0.2, 2),
+            "u2": Parameter(0.5, "", "u, direction of the stretch", -2, 2),
+            "d": Parameter(0.8, "", "d = (u, v): u is stretched 1 + d times", -0.9, 3),
+            "k": Parameter(-1.0, "", "shear along u", -3, 3),
+        },
     ),
     "reflection": (
         _reflection,
-        [
-            ("u1", Parameter(0.5, "", "u, at right angles to the mirror", 0.2, 2)),
-            ("u2", Parameter(1.5, "", "u, at right angles to the mirror", -3, 3)),
-        ],
+        {
+            "u1": Parameter(0.5, "", "u, at right angles to the mirror", 0.2, 2),
+            "u2": Parameter(1.5, "", "u, at right angles to the mirror", -3, 3),
+        },
     ),
-    "rotation": (_rotation, [("phi", Parameter(0.6, "rad", "angle of the turn", -pi, pi))]),
+    "rotation": (_rotation, {"phi": Parameter(0.6, "rad", "angle of the turn", -pi, pi)}),
 }
 
 
@@ -135,25 +106,22 @@ def family(
 
     Raises ModelError for an unknown type, transformation or name, and for a rate left out.
     """
-    block, rates = _BLOCKS[base_of(kind)]
-    if by not in _WAYS:
-        raise ModelError(f"there is no transformation by {by!r}; there are {listed(_WAYS)}")
+    block, rates, _ = BLOCKS[base_of(kind)]
+    check_names([by], _WAYS, "there is no transformation by {}")
     entries, own = _WAYS[by]
-    known = {**{name: None for name in rates}, **dict(own)}
-    if unknown := [name for name in values if name not in known]:
-        raise ModelError(f"{kind}, {by} has no {listed(unknown)}; there are {listed(known)}")
+    check_names(values, [*rates, *own], f"{kind}, {by} has no {{}}")
     if missing := [name for name in rates if name not in values]:
         raise ModelError(f"{kind}, {by} needs {listed(missing)}")
-    parameters: dict[str, Parameter] = {}
-    for name, usual in known.items():
-        value = values.get(name, usual)
-        if not isinstance(value, Parameter):
-            if usual is None:
-                ends = sorted((value / 10, 4 * value))
-                value = Parameter(value, f"1/{time}", rates[name], *ends)
-            else:
-                value = Parameter(value, usual.unit, usual.meaning, usual.low, usual.high)
-        parameters[name] = value
+    parameters: dict[str, Parameter] = dict(own)
+    for name, value in values.items():
+        if isinstance(value, Parameter):
+            parameters[name] = value
+        elif name in own:
+            parameters[name] = replace(own[name], value=value)
+        else:
+            ends = sorted((value / 10, 4 * value))
+            parameters[name] = Parameter(value, f"1/{time}", rates[name], *ends)
+    parameters = {name: parameters[name] for name in (*rates, *own)}
 
     def motion(t, s, p):
         a, b, c, d = entries(p)
@@ -165,10 +133,9 @@ def family(
 
     def parts(p: tuple) -> tuple[np.ndarray, Similarity]:
         a, b, c, d = entries(p)
-        S, size = np.array([[a, b], [c, d]]), a * d - b * c
-        return np.array(block(p), float).reshape(2, 2), Similarity(
-            S, np.array([[d, -b], [-c, a]]) / size
-        )
+        inverse = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+        Lambda = np.array(block(p), float).reshape(2, 2)
+        return Lambda, Similarity(np.array([[a, b], [c, d]]), inverse)
 
     system = System(
         f"{kind}, {by}",
@@ -201,24 +168,23 @@ class Decomposition:
 
     @property
     def form(self) -> str:
-        N, det = self.S - E, float(np.linalg.det(self.S))
+        N = self.S - E
+        u = N[:, np.abs(N).sum(axis=0).argmax()]  # all columns are multiples of it
         if np.abs(N).max() < 1e-12:
             return "S = E"
         if np.abs(self.S.T @ self.S - E).max() < 1e-9:
-            if det > 0:
+            if np.linalg.det(self.S) > 0:
                 return f"S = G(φ), φ = {degrees(atan2(self.S[1, 0], self.S[0, 0])):.4g}°"
-            u = N[:, np.abs(N).sum(axis=0).argmax()]
-            return f"S = E − γ u uᵀ, u = {_pair(u / np.abs(u).max() * np.sign(u[0] or 1))}"
+            return f"S = E − γ u uᵀ, u = {pair(u / np.abs(u).max() * np.sign(u[0] or 1))}"
         if borders(N)["det A = 0"] > 1e-9:
-            return f"S = {_rows(self.S)}"
-        u = N[:, np.abs(N).sum(axis=0).argmax()]
+            return f"S = {rows(self.S)}"
         u = u / u[np.abs(u).argmax()]
         v, d = u @ N / (u @ u), float(np.trace(N))
         more = "" if abs(d) < 1e-9 else f", d = {d:.4g}"
-        return f"S = E + u vᵀ, u = {_pair(u)}, v = {_pair(v)}{more}"
+        return f"S = E + u vᵀ, u = {pair(u)}, v = {pair(v)}{more}"
 
     def __str__(self) -> str:
-        return f"A = {_rows(self.A)}; {self.form}"
+        return f"A = {rows(self.A)}; {self.form}"
 
     __repr__ = __str__
 
@@ -246,23 +212,10 @@ def describe(run: Run, parts: Parts) -> str:
     Type, point of rest, matrix and similarity of a linear run: the verdict of a panel.
     """
     A, b = affine(run.system, run.p, run.start)
-    rest = f" at {_pair(equilibrium(A, b))}" if np.any(b) else ""
+    rest = f" at {pair(equilibrium(A, b))}" if np.any(b) else ""
     return f"{classify(A)}{rest}; {decomposition(*parts(run.p))}"
 
 
-def _clean(M: np.ndarray) -> np.ndarray:
-    """Without what is rounding beside the largest entry, and without −0."""
-    return np.where(np.abs(M) < 1e-12 * np.abs(M).max(), 0.0, M) + 0.0
-
-
-def _pair(v: np.ndarray) -> str:
-    return "({:.4g}, {:.4g})".format(*_clean(v))
-
-
-def _rows(M: np.ndarray) -> str:
-    return "[[{:.4g}, {:.4g}], [{:.4g}, {:.4g}]]".format(*_clean(M).ravel())
-
-
 def _bracket(M: np.ndarray) -> str:
-    a, b, c, d = (f"{value:.4g}" for value in _clean(M).ravel())
+    a, b, c, d = (f"{value:.4g}" for value in clean(M).ravel())
     return rf"\begin{{bmatrix}} {a} & {b} \\ {c} & {d} \end{{bmatrix}}"

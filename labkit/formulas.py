@@ -17,20 +17,11 @@ import numpy as np
 
 from .model import ModelError, System, listed
 
-__all__ = [
-    "FUNCTIONS",
-    "function",
-    "integral",
-    "names_of",
-    "number_of",
-    "parsed",
-    "put",
-    "python",
-    "sympy_of",
-    "values_of",
-]
+__all__ = ["FUNCTIONS", "function", "integral", "integrals", "names_of", "number_of", "parsed"]
+__all__ += ["put", "python", "sympy_of", "values_of"]
 
-FUNCTIONS = ("atan", "cos", "exp", "sin", "sqrt", "tanh", "pi")
+CALLED = ("atan", "cos", "exp", "sin", "sqrt", "tanh")
+FUNCTIONS = (*CALLED, "pi")
 _NUMPY = {name: getattr(np, name) for name in FUNCTIONS}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Call, ast.Name, ast.Constant, ast.Load)
@@ -43,16 +34,12 @@ def parsed(text: str) -> ast.expr:
     except SyntaxError:
         raise ModelError(f"{text!r} is no formula in x and names of parameters") from None
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and not (
-            isinstance(node.func, ast.Name)
-            and node.func.id in FUNCTIONS
-            and len(node.args) == 1
-            and not node.keywords
-        ):
-            raise ModelError(f"{text!r}: a formula calls {listed(FUNCTIONS)} only, of one number")
-        if not isinstance(node, ALLOWED) or (
-            isinstance(node, ast.Constant) and type(node.value) not in (int, float)
-        ):
+        if isinstance(node, ast.Call):
+            known = isinstance(node.func, ast.Name) and node.func.id in CALLED
+            if not known or len(node.args) != 1 or node.keywords:
+                raise ModelError(f"{text!r}: a formula calls {listed(CALLED)} only, of one number")
+        wrong = isinstance(node, ast.Constant) and type(node.value) not in (int, float)
+        if wrong or not isinstance(node, ALLOWED):
             raise ModelError(
                 f"{text!r} is no formula: numbers, names, + − * / ** and functions only"
             )
@@ -63,20 +50,24 @@ def names_of(text: str) -> list[str]:
     return [node.id for node in ast.walk(parsed(text)) if isinstance(node, ast.Name)]
 
 
-class _Put(ast.NodeTransformer):
-    def __init__(self, names: Mapping[str, str]):
-        self.names = names
+class _Names(ast.NodeTransformer):
+    """Puts for a name what replaced(name) gives, a formula as text, if that is one."""
+
+    def __init__(self, replaced: Callable[[str], str | None]):
+        self.replaced = replaced
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return parsed(self.names[node.id]) if node.id in self.names else node
+        new = self.replaced(node.id)
+        return node if new is None else ast.parse(new.strip(), mode="eval").body
 
 
 def put(text: str, names: Mapping[str, object]) -> str:
     """The formula with other formulas in place of names."""
     if not names:
         return text
-    made = ast.unparse(_Put({key: str(value) for key, value in names.items()}).visit(parsed(text)))
-    return made if all(str(value).isidentifier() for value in names.values()) else _short(made)
+    names = {key: str(value) for key, value in names.items()}
+    made = ast.unparse(_Names(names.get).visit(parsed(text)))
+    return made if all(map(str.isidentifier, names.values())) else _short(made)
 
 
 def _short(text: str) -> str:
@@ -91,19 +82,13 @@ def _short(text: str) -> str:
     return text if keep else short
 
 
-class _Python(ast.NodeTransformer):
-    def __init__(self, places: Mapping[str, str]):
-        self.places = places
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:
-        if node.id in FUNCTIONS:
-            return node
-        return ast.parse(self.places.get(node.id, f"p.{node.id}"), mode="eval").body
-
-
 def python(text: str, places: Mapping[str, str]) -> str:
     """The formula as Python of s and p: names of parameters become p.name."""
-    return ast.unparse(_Python(places).visit(parsed(text)))
+
+    def replaced(name: str) -> str | None:
+        return None if name in FUNCTIONS else places.get(name, f"p.{name}")
+
+    return ast.unparse(_Names(replaced).visit(parsed(text)))
 
 
 def function(text: str, **names: Any) -> Callable:
@@ -111,7 +96,7 @@ def function(text: str, **names: Any) -> Callable:
     place = f"<characteristic: {text}>"
     linecache.cache[place] = (len(text), None, [text + "\n"], place)
     scope = {name: getattr(math, name) for name in FUNCTIONS if name in text}
-    return eval(compile(text, place, "eval"), {**scope, **names})
+    return eval(compile(text, place, "eval"), scope | names)
 
 
 def values_of(p: object) -> Mapping[str, float]:
@@ -147,11 +132,11 @@ def integral(f: Callable[[np.ndarray], Any], low: float, high: float) -> complex
     parts = [_part(f, low, high)]
     for _ in range(100):
         worst = max(parts)
-        if worst[0] <= 1e-15 * sum(part[4] for part in parts):
+        error, low, high, *_ = worst
+        if error <= 1e-15 * sum(part[4] for part in parts):
             break
         parts.remove(worst)
-        middle = (worst[1] + worst[2]) / 2
-        parts += [_part(f, worst[1], middle), _part(f, middle, worst[2])]
+        parts += [_part(f, low, (low + high) / 2), _part(f, (low + high) / 2, high)]
     return sum(part[3] for part in parts)
 
 
@@ -168,18 +153,14 @@ def _part(f: Callable[[np.ndarray], Any], low: Any, high: Any) -> tuple:
 
     Of one part, or of arrays of them.
     """
-    middle = (low + high) / 2
-    places = np.stack(
-        [
-            np.multiply.outer((a + b) / 2, np.ones(20)) + np.multiply.outer((b - a) / 2, _NODES)
-            for a, b in ((low, high), (low, middle), (middle, high))
-        ]
-    )
+    middle, half = (low + high) / 2, (high - low) / 2
+    ends = np.array([low, low, middle]), np.array([high, middle, high])
+    places = ((ends[0] + ends[1]) / 2)[..., None] + ((ends[1] - ends[0]) / 2)[..., None] * _NODES
     values = f(places) * np.ones(places.shape)
     whole, left, right = (
-        (high - low) / 2 * w * (v @ _WEIGHTS) for v, w in zip(values, (1.0, 0.5, 0.5), strict=True)
+        half * w * (v @ _WEIGHTS) for v, w in zip(values, (1.0, 0.5, 0.5), strict=True)
     )
-    size = abs(high - low) / 2 * (np.abs(values[0]) @ _WEIGHTS)
+    size = abs(half) * (np.abs(values[0]) @ _WEIGHTS)
     return abs(whole - left - right), low, high, (left + right).astype(complex), size
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from .arguments import asked
-from .model import ModelError, System, listed
+from .model import System, check_names
 
 __all__ = ["Event", "Events", "Firings", "Touch"]
 
@@ -37,15 +37,13 @@ class Event:
 
     def __str__(self) -> str:
         # differences of rounding size would tell of the machine, not of the system
-        pairs = [
-            (k, self.before[k], v)
-            for k, v in self.after.items()
-            if k in self.before and abs(v - self.before[k]) > 1e-9 * (1 + abs(v))
-        ]
-        changed = ", ".join(f"{k} {old:.6g} → {new:.6g}" for k, old, new in pairs)
-        return f"{self.t:12.6f}  {self.transition}: {self.source} → {self.target or 'end'}" + (
-            f"  ({changed})" if changed else ""
+        changed = ", ".join(
+            f"{name} {self.before[name]:.6g} → {new:.6g}"
+            for name, new in self.after.items()
+            if name in self.before and abs(new - self.before[name]) > 1e-9 * (1 + abs(new))
         )
+        way = f"{self.source} → {self.target or 'end'}"
+        return f"{self.t:12.6f}  {self.transition}: {way}{f'  ({changed})' * bool(changed)}"
 
 
 @dataclass(frozen=True)
@@ -101,21 +99,16 @@ class Events(Sequence):
 
     @cached_property
     def _events(self) -> list[Event]:
-        system, made = self._system, []
+        made = []
         for at, row in zip(self._ends, self._rows.tolist(), strict=True):
             one, other, source, target = at
-            before, after = np.array_split(np.array(row[5:]), 2)
-            made.append(
-                Event(
-                    row[0],
-                    self._name(int(row[1]), SLIDING in row[3:5]),
-                    source,
-                    target,
-                    _named(system, one, before),
-                    _named(system, other, after),
-                    int(row[1]),
-                )
+            who, middle = int(row[1]), (5 + len(row)) // 2
+            name = self._name(who, SLIDING in row[3:5])
+            before, after = (
+                {key: state[place] for key, place in self._system.places(mode).items()}
+                for mode, state in ((one, row[5:middle]), (other, row[middle:]))
             )
+            made.append(Event(row[0], name, source, target, before, after, who))
         return made
 
     @cached_property
@@ -136,23 +129,17 @@ class Events(Sequence):
     def _firings(self, label: str) -> Firings:
         system, rows = self._system, self._rows
         names = [tr.name for tr in system.transitions]
-        if label not in names and label.removesuffix(" (sliding)") not in names:
-            raise ModelError(
-                f"no transition of {system.name!r} is called {label!r}; there are {listed(names)}"
-            )
+        if label.removesuffix(" (sliding)") not in names:
+            check_names([label], names, f"no transition of {system.name!r} is called {{}}")
         sliding = (rows[:, 3:5] == SLIDING).any(axis=1).tolist()
-        mine = [
-            k
-            for k, who in enumerate(rows[:, 1].astype(int).tolist())
-            if self._name(who, sliding[k]) == label
-        ]
-        ends = [self._ends[k] for k in mine]
-        width = (rows.shape[1] - 5) // 2
-        before, after = (
-            _columns(system, [end[place] for end in ends], rows[mine, first : first + width])
-            for place, first in ((0, 5), (1, 5 + width))
+        whose = zip(rows[:, 1].astype(int).tolist(), sliding, strict=True)
+        mine = [k for k, who in enumerate(whose) if self._name(*who) == label]
+        ends, middle = [self._ends[k] for k in mine], (5 + rows.shape[1]) // 2
+        one, other, source, target = (
+            np.array([end[k] for end in ends], dtype=object) for k in range(4)
         )
-        source, target = (np.array([end[place] for end in ends], dtype=object) for place in (2, 3))
+        before = _columns(system, one, rows[mine, 5:middle])
+        after = _columns(system, other, rows[mine, middle:])
         return Firings(rows[mine, 0], before, after, source, target)
 
     def __len__(self) -> int:
@@ -169,15 +156,11 @@ class Events(Sequence):
         return repr(self._events)
 
 
-def _named(system: System, mode: str, state: np.ndarray) -> dict[str, float]:
-    return {name: float(state[place]) for name, place in system.places(mode).items()}
-
-
-def _columns(system: System, modes: list[str], states: np.ndarray) -> dict[str, np.ndarray]:
+def _columns(system: System, modes: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
     """name -> its values in states (k, length), each of its own mode; NaN where there is none."""
     found = {name: np.full(len(modes), np.nan) for name in system.units}
-    for mode in set(modes):
-        here = [k for k, each in enumerate(modes) if each == mode]
+    for mode in system.modes:
+        here = modes == mode
         for name, place in system.places(mode).items():
             found[name][here] = states[here, place]
     return found

@@ -24,17 +24,8 @@ from .model import ModelError, System, listed
 from .run import Run
 from .table import Table
 
-__all__ = [
-    "affine",
-    "borders",
-    "classify",
-    "eigenlines",
-    "eigenvalues",
-    "equilibrium",
-    "error_table",
-    "exact",
-    "true_error",
-]
+__all__ = ["affine", "borders", "classify", "eigenlines", "eigenvalues", "equilibrium"]
+__all__ += ["error_table", "exact", "true_error"]
 
 E = np.eye(2)
 
@@ -136,9 +127,14 @@ def eigenvalues(A: ArrayLike) -> tuple[complex, complex]:
 
     Equal ones come out equal, which NumPy's eigvals cannot promise.
     """
+    a, root = _center_and_root(A)
+    return a + root, a - root
+
+
+def _center_and_root(A: ArrayLike) -> tuple[float, complex]:
+    """a and √(r² − q²) of A itself: λ = a ± root."""
     size, a, q, r, gap = _split(A)
-    root = np.sqrt(complex(gap * (r + abs(q))))
-    return size * (a + root), size * (a - root)
+    return size * a, size * np.sqrt(complex(gap * (r + abs(q))))
 
 
 @asked
@@ -157,17 +153,15 @@ def eigenlines(A: ArrayLike, tolerance: float = 1e-9) -> list[tuple[float, np.nd
     if gap < 0 and near["equal eigenvalues"] > tolerance:
         return []
     (w, x), (y, z) = (np.asarray(A, dtype=float) / size).tolist()
-    d, root = (
-        (w - z) / 2,
-        (0.0 if near["equal eigenvalues"] <= tolerance else np.sqrt(gap * (r + abs(q)))),
-    )
+    d, equal = (w - z) / 2, near["equal eigenvalues"] <= tolerance
+    root = 0.0 if equal else np.sqrt(gap * (r + abs(q)))
     lines = []
     for s in (root, -root)[: 2 if root else 1]:
-        v = np.array(
-            [d + s, y] if d * s > 0 or (d * s == 0 and abs(y) >= abs(x)) else [x, s - d]
-        )  # the column of A − aE + sE without cancellation
+        # the column of A − aE + sE without cancellation
+        first = d * s > 0 or (d * s == 0 and abs(y) >= abs(x))
+        v = np.array([d + s, y] if first else [x, s - d])
         v = v / np.hypot(*v)
-        lines.append((size * (a + s), v if (v[0], v[1]) > (0, 0) else -v))
+        lines.append((size * (a + s), v if tuple(v) > (0, 0) else -v))
     return lines
 
 
@@ -186,9 +180,8 @@ def equilibrium(A: ArrayLike, b: ArrayLike, tolerance: float = 1e-12) -> np.ndar
         U, s, Vt = np.linalg.svd(A)
         drive = abs(float(U[:, -1] @ b))  # the part of b that no A s can balance
         if not np.any(A):
-            why = "A = 0, so ds/dt = b everywhere: " + (
-                "no point is at rest" if np.any(b) else "all points are at rest"
-            )
+            which = "no point is" if np.any(b) else "all points are"
+            why = f"A = 0, so ds/dt = b everywhere: {which} at rest"
         elif drive > 1e-9 * np.hypot(*b):
             why = (
                 "A s takes values on one line only and b does not lie on it: no point is at rest, "
@@ -218,17 +211,13 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
     """
     A, b = finite(A, (2, 2), "A"), finite(b, (2,), "b")
     t, start = np.asarray(t, dtype=float).reshape(-1, 1, 1), np.asarray(start, dtype=float)
-    if (
-        start.shape[-1:] != (2,)
-        or start.ndim > 2
-        or not (np.all(np.isfinite(start)) and np.all(np.isfinite(t)))
-    ):
+    fits = start.shape[-1:] == (2,) and start.ndim <= 2
+    if not fits or not np.isfinite(start).all() or not np.isfinite(t).all():
         raise ModelError(
             "start must be a pair of numbers or an array (k, 2), and t finite; got a start of "
             f"shape {start.shape}"
         )
-    size, a, q, r, gap = _split(A)
-    a, root = size * a, size * np.sqrt(complex(gap * (r + abs(q))))
+    a, root = _center_and_root(A)
     B = A - a * E
     w = np.where((root * t).real < 0, -root * t, root * t)  # both functions below are even in it
     with np.errstate(over="ignore", invalid="ignore"):
@@ -240,13 +229,10 @@ def exact(A: ArrayLike, b: ArrayLike, start: ArrayLike, t: ArrayLike) -> np.ndar
         # λ2 t are close
         close = np.abs(w) < 1
         far = np.where(close, 1, w)
-        between = sum(
-            g / 2 * _phi1_slope(a * t + x * w)
-            for x, g in zip(*np.polynomial.legendre.leggauss(8), strict=True)
-        )
-        steep = (
-            t * t * np.where(close, between, (_phi1(a * t + far) - _phi1(a * t - far)) / (2 * far))
-        )
+        nodes = zip(*np.polynomial.legendre.leggauss(8), strict=True)
+        between = sum(g / 2 * _phi1_slope(a * t + x * w) for x, g in nodes)
+        apart = (_phi1(a * t + far) - _phi1(a * t - far)) / (2 * far)
+        steep = t * t * np.where(close, between, apart)
         drive = (h.real * E + steep.real * B) @ b
     s = np.einsum("mij,...j->...mi", flow, start) + drive
     if not np.all(np.isfinite(s)):
@@ -266,12 +252,12 @@ def _phi1(z: np.ndarray) -> np.ndarray:
 
 def _phi1_slope(z: np.ndarray) -> np.ndarray:
     """Derivative of (e^z − 1)/z: (e^z (z − 1) + 1)/z², near 0 its series Σ z^k/(k! (k + 2))."""
+    near = np.abs(z) < 1
+    small, safe = np.where(near, z, 0), np.where(near, 1, z)
     series, term = np.zeros_like(z), np.ones_like(z)
-    small = np.where(np.abs(z) < 1, z, 0)
     for k in range(20):
         series, term = series + term / (k + 2), term * small / (k + 1)
-    safe = np.where(np.abs(z) < 1, 1, z)
-    return np.where(np.abs(z) < 1, series, (np.exp(safe) * (safe - 1) + 1) / safe**2)
+    return np.where(near, series, (np.exp(safe) * (safe - 1) + 1) / safe**2)
 
 
 @asked
@@ -298,12 +284,8 @@ def affine(
     b = flow(0.0, 0.0)
     A = np.column_stack([flow(1.0, 0.0) - flow(-1.0, 0.0), flow(0.0, 1.0) - flow(0.0, -1.0)]) / 2
     x, y, t = 1.7, -2.3, 0.7
-    if not np.allclose(
-        flow(x, y, t),
-        A @ (x, y) + b,
-        rtol=1e-9,
-        atol=1e-9 * float(np.abs(A).max() + np.abs(b).max()),
-    ):
+    size = np.abs(A).max() + np.abs(b).max()
+    if not np.allclose(flow(x, y, t), A @ (x, y) + b, rtol=1e-9, atol=1e-9 * size):
         raise ModelError(
             f"{system.name!r} is not of the form ds/dt = A s + b with constant A and b"
         )
@@ -313,8 +295,12 @@ def affine(
 @asked
 def true_error(run: Run) -> np.ndarray:
     """true_error(run) -> (m,) distance of each sample from the exact state, of a linear model."""
+    return np.hypot(*(run.values[:, :2] - _exact(run)).T)
+
+
+def _exact(run: Run) -> np.ndarray:
     A, b = affine(run.system, run.p, run.start)
-    return np.hypot(*(run.values[:, :2] - exact(A, b, run.values[0, :2], run.t - run.t[0])).T)
+    return exact(A, b, run.values[0, :2], run.t - run.t[0])
 
 
 @asked
@@ -337,36 +323,12 @@ def error_table(
     rows = []
     for method, value in how:
         fixed = method in FIXED_STEP
-        run = simulate(
-            system,
-            horizon,
-            start=start,
-            method=method,
-            **{"step" if fixed else "rtol": value},
-            **parameters,
-        )
-        error, size = (
-            true_error(run),
-            np.hypot(*exact(*affine(system, run.p, run.start), run.values[0, :2], run.t).T).max(),
-        )
-        rows.append(
-            (
-                method,
-                f"{'h' if fixed else 'rtol'} = {value:.4g}",
-                run.work.evaluations,
-                error.max(),
-                error.max() / (size or 1),
-                error[-1],
-            )
-        )
-    return Table(
-        (
-            "method",
-            "step or tolerance",
-            "evaluations",
-            ("largest error", "", ".1e"),
-            ("of the largest state", "", ".1e"),
-            ("error at the end", "", ".1e"),
-        ),
-        rows,
-    )
+        options = {"method": method, "step" if fixed else "rtol": value}
+        run = simulate(system, horizon, start=start, **options, **parameters)
+        error, size = true_error(run), np.hypot(*_exact(run).T).max()
+        said = f"{'h' if fixed else 'rtol'} = {value:.4g}"
+        far = error.max()
+        rows.append((method, said, run.work.evaluations, far, far / (size or 1), error[-1]))
+    errors = ("largest error", "of the largest state", "error at the end")
+    heads = ("method", "step or tolerance", "evaluations", *((head, "", ".1e") for head in errors))
+    return Table(heads, rows)

@@ -4,8 +4,9 @@ here.
     ball = System(
         "bouncing ball",
         states={"y": "m", "v": "m/s"},
-        parameters={"g": Parameter(9.81, "m/s²", "gravity"), "e": Parameter(0.8, "", "restitution",
-        0, 1)}, modes=[Mode("flight", lambda t, s, p: (s.v, -p.g))],
+        parameters={"g": Parameter(9.81, "m/s²", "gravity"),
+                    "e": Parameter(0.8, "", "restitution", 0, 1)},
+        modes=[Mode("flight", lambda t, s, p: (s.v, -p.g))],
         transitions=[Transition("flight", "flight", guard=lambda t, s, p: s.y, direction=-1,
                                 reset=lambda t, s, p: (0.0, -p.e * s.v), label="bounce")],
         start={"y": 10.0, "v": 0.0},
@@ -25,53 +26,19 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 from .arguments import asked, takes
 
-__all__ = [
-    "At",
-    "Every",
-    "Held",
-    "Mode",
-    "ModelError",
-    "Output",
-    "Parameter",
-    "System",
-    "Transition",
-    "OPTIONS",
-]
+__all__ = ["At", "Every", "Held", "Mode", "ModelError", "Output", "Parameter", "System"]
+__all__ += ["Transition", "OPTIONS"]
 
+_OWN = """system t_end t0 start mode method rtol atol step max_step points locate backend max_events
+max_steps workers draw show title horizon dense executor progress accept"""
 #: Names that `simulate`, `simulate_many`, `sweep` and `explore` use for their own options; a
 #: parameter may not be called so.
-OPTIONS = frozenset(
-    {
-        "system",
-        "t_end",
-        "t0",
-        "start",
-        "mode",
-        "method",
-        "rtol",
-        "atol",
-        "step",
-        "max_step",
-        "points",
-        "locate",
-        "backend",
-        "max_events",
-        "max_steps",
-        "workers",
-        "draw",
-        "show",
-        "title",
-        "horizon",
-        "dense",
-        "executor",
-        "progress",
-        "accept",
-    }
-)
+OPTIONS = frozenset(_OWN.split())
 
 #: What a run and its files call their own columns; a state or an output may not be called so.
 COLUMNS = frozenset({"t", "j", "mode", "stopped", "file"})
@@ -88,6 +55,16 @@ class ModelError(ValueError):
 
 def listed(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
+
+
+def check_names(names: Iterable[str], known: Iterable[str], said: str) -> None:
+    """check_names(start, system.units, "start names the unknown state(s) {}")
+
+    ModelError, said of the names that are not known, and which there are.
+    """
+    known = list(known)
+    if lost := [name for name in names if name not in known]:
+        raise ModelError(f"{said.replace('{}', listed(lost), 1)}; there are {listed(known)}")
 
 
 def number(value: object, what: str) -> float:
@@ -121,26 +98,9 @@ def named(given: Mapping, what: str, form: str = "{name: …}") -> dict:
     return made
 
 
-def _part(reset: Function, place: int) -> Function:
-    return lambda t, s, p: reset(t, s, p)[place]
-
-
-def _constant(value: float) -> Function:
-    return lambda t, s, p: value
-
-
-def _identifier(name: object, what: str) -> str:
-    if (
-        not isinstance(name, str)
-        or not name.isidentifier()
-        or keyword.iskeyword(name)
-        or name.startswith("_")
-    ):
-        raise ModelError(
-            f"{what} {name!r} must be a plain Python name (letters, digits, _), so that "
-            f"s.{name} or p.{name} can be written"
-        )
-    return name
+def _function(value: object, what: str, more: str = "") -> None:
+    if not takes(value, 3):
+        raise ModelError(f"{what} must be a function of (t, s, p), not {value!r}{more}")
 
 
 @dataclass(frozen=True)
@@ -163,26 +123,18 @@ class Parameter:
         """parameter.check("e", 1.2) -> the value as float; ModelError when it is no number or
         out of range.
         """
+        what = f"parameter {name!r}"
         low, high = (
-            None if bound is None else number(bound, f"a bound of parameter {name!r}")
-            for bound in (self.low, self.high)
+            end if bound is None else number(bound, f"a bound of {what}")
+            for bound, end in ((self.low, -math.inf), (self.high, math.inf))
         )
-        if low is not None and high is not None and low > high:
-            raise ModelError(
-                f"parameter {name!r} has the range [{low:g}, {high:g}]: its lower bound is "
-                "above the upper one"
-            )
-        result = number(value, f"parameter {name!r}")
-        if (self.low is not None and result < self.low) or (
-            self.high is not None and result > self.high
-        ):
-            low = "-∞" if self.low is None else f"{self.low:g}"
-            high = "∞" if self.high is None else f"{self.high:g}"
-            raise ModelError(
-                f"parameter {name!r} = {result:g} is outside its range [{low}, "
-                f"{high}]{' ' + self.unit if self.unit else ''}"
-            )
-        return result
+        result = number(value, what)
+        if low <= result <= high:
+            return result
+        span = f"[{low:g}, {high:g}]".replace("inf", "∞")
+        if low > high:
+            raise ModelError(f"{what} has the range {span}: its lower bound is above the upper one")
+        raise ModelError(f"{what} = {result:g} is outside its range {span} {self.unit}".rstrip())
 
 
 @dataclass(frozen=True)
@@ -321,6 +273,10 @@ class Output:
     unit: str = ""
     meaning: str = ""
 
+    def of(self, mode: str) -> Function | None:
+        """output.of("slip") -> its function in that mode, if it has one there."""
+        return self.function.get(mode) if isinstance(self.function, Mapping) else self.function
+
 
 class System:
     """System(name, states, parameters, modes, transitions, start, mode=…, outputs=…): a hybrid
@@ -335,8 +291,7 @@ class System:
                  the start
     outputs      name -> Output
     held         name -> (unit, start), or (unit, start, meaning): variables that only events
-                 change,
-                 read as s.name like states; a flow returns no derivative of them
+                 change, read as s.name like states; a flow returns no derivative of them
     time         unit of the time
 
     Raises ModelError, naming the piece and the mend, for an unknown mode, a name used twice, a
@@ -357,77 +312,36 @@ class System:
         time: str = "s",
         held: Mapping[str, tuple] | None = None,
     ):
-        self.name = name
-        self.time = time
-        self.units: dict[str, str] = {}
+        self.name, self.time = name, time
+        self.units: dict[str, str] = {}  # of states and held variables
         self.meanings: dict[str, str] = {}
+        self.parameters: dict[str, Parameter] = {}
         if not states:
             raise ModelError(f"system {name!r} has no states: give states={{'x': 'm', …}}")
         self.states = self._add_states(states, "the system")
         self.parameters = self._make_parameters(parameters or {})
-        self.modes = self._make_modes(modes)
+        self.modes = self._make_modes([modes] if isinstance(modes, Mode) else modes)
         #: name -> Held, in the order of their places behind the states
         self.held = self._make_held(held or {})
         #: the most states of any mode; held variables stand from here on in the vector of a state
         self.width = max(len(self.states_of(key)) for key in self.modes)
-        self.transitions = tuple(
-            self._check_transition(tr)
-            for tr in ([transitions] if isinstance(transitions, Transition) else transitions)
-        )
-        self.outputs = named(outputs or {}, "outputs")
-        for output, what in self.outputs.items():
-            _identifier(output, "output")
-            if output in self.units or output in self.parameters or output in COLUMNS:
-                raise ModelError(
-                    f"output {output!r} has the name of a state, a parameter or a column of "
-                    "every run: give it another"
-                )
-            functions = what.function if isinstance(what, Output) else what
-            each = functions.values() if isinstance(functions, Mapping) else [functions]
-            if not isinstance(what, Output) or not all(takes(one, 3) for one in each):
-                raise ModelError(
-                    f"output {output!r} must be Output(function of (t, s, p), unit, meaning), "
-                    f"not {what!r}"
-                )
-            if isinstance(functions, Mapping) and (unknown := set(functions) - set(self.modes)):
-                raise ModelError(
-                    f"output {output!r} names the unknown mode(s) {listed(sorted(unknown))}; "
-                    f"there are {listed(self.modes)}"
-                )
-        if mode is not None and not callable(mode) and mode not in self.modes:
-            raise ModelError(
-                f"start mode {mode!r} is not a mode of {name!r}; there are {listed(self.modes)}"
-            )
-        if callable(mode) and not takes(mode, 3):
-            raise ModelError(f"start mode of {name!r} must be a name or a function of (t, s, p)")
+        given = [transitions] if isinstance(transitions, Transition) else transitions
+        self.transitions = tuple(map(self._make_transition, given))
+        self.outputs = self._make_outputs(outputs or {})
+        if callable(mode):
+            _function(mode, f"the start mode of {name!r}")
+        elif mode is not None:
+            check_names([mode], self.modes, f"start mode {{}} is not a mode of {name!r}")
         self.mode = mode if mode is not None else next(iter(self.modes))
-        self.start = {
-            key: number(value, f"start of {key!r}")
-            for key, value in named(start or {}, "start", "{'x': 1.0, …}").items()
-        }
-        if twice := [key for key in self.start if key in self.held]:
-            raise ModelError(
-                f"start names the held variable(s) {listed(twice)}: their start stands in held= "
-                f"(simulate(…, start=…) may change it)"
-            )
-        if unknown := [key for key in self.start if key not in self.units]:
-            raise ModelError(
-                f"start names the unknown state(s) {listed(unknown)}; there are "
-                f"{listed(self.units)}"
-            )
-        self.start |= {key: each.start for key, each in self.held.items()}
-        if not callable(self.mode):
-            self.check_start(self.start, self.mode)
+        self.start = self._make_start(start or {})
         self.P = namedtuple("P", list(self.parameters))  # type: ignore[misc]
         #: mode -> the named tuple s of its states, then the held variables
-        # type: ignore[misc]
         self.S = {key: namedtuple("S", [*self.states_of(key), *self.held]) for key in self.modes}
-        #: (mode name -> transitions that may leave it, as positions in `transitions`, highest
-        #: priority first)
+        #: mode -> places in `transitions` of those that may leave it, highest priority first
         self.leaving = {
             key: sorted(
                 (i for i, tr in enumerate(self.transitions) if key in tr.sources),
-                key=lambda i: (-self.transitions[i].priority, i),
+                key=lambda i: -self.transitions[i].priority,
             )
             for key in self.modes
         }
@@ -474,9 +388,9 @@ class System:
         """
         from .variant import variant_of  # it makes a System, so it comes after this file
 
-        parts = {"states": states, "parameters": parameters, "modes": modes, "start": start}
-        parts |= {"transitions": transitions, "mode": mode, "outputs": outputs, "time": time}
-        return variant_of(self, name, {**parts, "held": held}, values)
+        parts = {"states": states, "parameters": parameters, "modes": modes, "mode": mode}
+        parts |= {"transitions": transitions, "start": start, "outputs": outputs}
+        return variant_of(self, name, {**parts, "time": time, "held": held}, values)
 
     @property
     def described(self) -> dict[str, tuple[str, str]]:
@@ -489,30 +403,34 @@ class System:
         given = (self.name, self.described, self.parameters, modes, self.transitions)
         return System, (*given, start, self.mode, self.outputs, self.time, self.held)
 
-    def _add_states(
-        self, states: Mapping[str, str | tuple[str, str]], owner: str
-    ) -> tuple[str, ...]:
+    def _check_name(self, name: object, what: str, *free: str) -> None:
+        """A new name is a plain one, and none that something else has, but for what is free."""
+        plain = isinstance(name, str) and name.isidentifier() and not name.startswith("_")
+        if not plain or keyword.iskeyword(name):
+            raise ModelError(
+                f"{what} {name!r} must be a plain Python name (letters, digits, _), so that "
+                f"s.{name} or p.{name} can be written"
+            )
+        taken = {"the time": {"t"}, "a column": COLUMNS, "an option of simulate": OPTIONS}
+        taken |= {"a state": self.units, "a parameter": self.parameters}
+        for owner, names in taken.items():
+            if owner not in free and name in names:
+                owner = owner.replace("a column", "a column of every run")
+                raise ModelError(
+                    f"{what} {name!r} has the name of {owner}: give it another, {name}_ for example"
+                )
+
+    def _add_states(self, states: Mapping, owner: str) -> tuple[str, ...]:
         states = named(states, f"the states of {owner}", "{'x': 'm', …}")
         for key, what in states.items():
-            _identifier(key, f"state of {owner}")
-            if key == "t":
-                raise ModelError(
-                    "a state cannot be called 't': that is the time, the first argument of "
-                    "every function"
-                )
-            if key in COLUMNS:
-                raise ModelError(
-                    f"a state cannot be called {key!r}: every run has a column of that name"
-                )
-            if not isinstance(what, str) and not (
-                isinstance(what, tuple)
-                and len(what) == 2
-                and all(isinstance(word, str) for word in what)
-            ):
+            self._check_name(key, f"state of {owner}", "an option of simulate", "a state")
+            words = (what, "") if isinstance(what, str) else what
+            pair = isinstance(words, tuple) and len(words) == 2
+            if not pair or not all(isinstance(word, str) for word in words):
                 raise ModelError(
                     f"state {key!r} of {owner} needs a unit, or (unit, meaning), not {what!r}"
                 )
-            unit, meaning = (what, "") if isinstance(what, str) else what
+            unit, meaning = words
             if self.units.setdefault(key, unit) != unit:
                 raise ModelError(
                     f"state {key!r} has the unit {unit!r} in {owner} and {self.units[key]!r} "
@@ -524,49 +442,27 @@ class System:
     def _make_parameters(self, parameters: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
         made = {}
         for key, value in named(parameters, f"parameters of {self.name!r}").items():
-            _identifier(key, "parameter")
-            if key in OPTIONS:
-                raise ModelError(
-                    f"parameter {key!r} is named like an option of simulate: rename it (for "
-                    f"example {key}_)"
-                )
-            if key == "t" or key in self.units:
-                raise ModelError(
-                    f"parameter {key!r} has the name of "
-                    f"{'the time' if key == 't' else 'a state'}: give it another, a formula "
-                    "could not tell them apart"
-                )
-            # type: ignore[arg-type]
-            what = value if isinstance(value, Parameter) else Parameter(value)
+            self._check_name(key, "parameter", "a column")
+            what = value if isinstance(value, Parameter) else Parameter(value)  # type: ignore[arg-type]
             made[key] = replace(what, value=what.check(key, what.value))
         return made
 
     def _make_modes(self, modes: Sequence[Mode]) -> dict[str, Mode]:
-        if isinstance(modes, Mode):
-            modes = [modes]
         if not modes:
             raise ModelError(f"system {self.name!r} has no mode: give modes=[Mode('motion', flow)]")
         made: dict[str, Mode] = {}
         for mode in modes:
             if not isinstance(mode, Mode) or not isinstance(mode.name, str) or not mode.name:
                 raise ModelError(f"modes of {self.name!r} must be Mode(name, flow), not {mode!r}")
+            what = f"mode {mode.name!r}"
             if mode.name in made:
                 raise ModelError(f"two modes are called {mode.name!r}: give each its own name")
-            if not takes(mode.flow, 3):
-                raise ModelError(
-                    f"the flow of mode {mode.name!r} must be a function of (t, s, p), not "
-                    f"{mode.flow!r}"
-                )
+            _function(mode.flow, f"the flow of {what}")
             if mode.states is not None:
                 if not mode.states:
-                    raise ModelError(f"mode {mode.name!r} has no states: leave states= out")
-                own = self._add_states(mode.states, f"mode {mode.name!r}")
-                mode = replace(mode, states=named(mode.states, f"mode {mode.name!r}"))
-                if clash := [key for key in own if key in self.parameters]:
-                    raise ModelError(
-                        f"mode {mode.name!r} has a state with the name of the parameter "
-                        f"{listed(clash)}: give one of them another"
-                    )
+                    raise ModelError(f"{what} has no states: leave states= out")
+                self._add_states(mode.states, what)
+                mode = replace(mode, states=named(mode.states, what))
             made[mode.name] = mode
         return made
 
@@ -574,60 +470,134 @@ class System:
         made: dict[str, Held] = {}
         form = "{'load': ('Ω', 50.0)}"
         for key, what in named(held, f"held of {self.name!r}", form).items():
-            _identifier(key, "held variable")
-            if key == "t" or key in COLUMNS or key in OPTIONS:
-                raise ModelError(
-                    f"a held variable cannot be called {key!r}: that is the time, a column of "
-                    "every "
-                    f"run or an option of simulate; rename it (for example {key}_)"
-                )
-            if key in self.units or key in self.parameters:
-                raise ModelError(
-                    f"held variable {key!r} has the name of a "
-                    f"{'state' if key in self.units else 'parameter'}: give it another"
-                )
-            parts = what if isinstance(what, tuple | list) else ()
-            if isinstance(what, Held):
-                parts = (what.unit, what.start, what.meaning)
-            if len(parts) not in (2, 3) or not all(isinstance(w, str) for w in parts[::2]):
+            self._check_name(key, "held variable")
+            parts = (what.unit, what.start, what.meaning) if isinstance(what, Held) else what
+            few = isinstance(parts, tuple | list) and len(parts) in (2, 3)
+            if not few or not all(isinstance(word, str) for word in parts[::2]):
                 raise ModelError(
                     f"held variable {key!r} must be (unit, start value) or "
                     f"(unit, start value, meaning), not {what!r}"
                 )
-            what = Held(*parts)
-            made[key] = replace(what, start=number(what.start, f"start of {key!r}"))
-        for key, what in made.items():
-            self.units[key], self.meanings[key] = what.unit, what.meaning
+            unit, start, *meaning = parts
+            made[key] = Held(unit, number(start, f"start of {key!r}"), *meaning)
+        for key, each in made.items():
+            self.units[key], self.meanings[key] = each.unit, each.meaning
         return made
 
-    def _check_reset(self, tr: Transition) -> Transition:
-        """A reset is a function, or a mapping of names that there are to functions or numbers."""
-        what = f"the reset of transition {tr.name!r}"
-        if tr.reset is None or callable(tr.reset):
-            return tr
-        if not isinstance(tr.reset, Mapping):
+    def _make_transition(self, tr: Transition) -> Transition:
+        sources = tr.source if isinstance(tr, Transition) else None
+        if not isinstance(sources, str | tuple | list) or not all(
+            isinstance(source, str) for source in sources
+        ):
             raise ModelError(
-                f"{what} must be a function of (t, s, p), not {tr.reset!r}; "
-                "or a dict of what changes, {'v': 0.0}"
+                f"transitions of {self.name!r} must be Transition(source mode, target mode, "
+                f"…), not {tr!r}"
             )
+        what = f"transition {tr.name!r}"
+        if not tr.sources:
+            raise ModelError(f"{what} has no source mode")
+        ends = [end for end in (*tr.sources, tr.target, tr.zeno) if end is not None]
+        check_names(ends, self.modes, f"{what} names the unknown mode {{}}")
+        if (tr.guard is None) == (tr.at is None):
+            raise ModelError(
+                f"{what} needs either a guard (a function) or at= (a schedule), and not both"
+            )
+        if tr.guard is not None:
+            _function(tr.guard, f"the guard of {what}")
+        if tr.at is not None and not isinstance(tr.at, Schedule):
+            raise ModelError(f"{what}: at= takes Every(period) or At(instant, …), not {tr.at!r}")
+        if tr.urgent not in (None, True, False):
+            raise ModelError(f"urgent of {what} is True, False or None, not {tr.urgent!r}")
+        if tr.direction not in (-1, 0, 1):
+            raise ModelError(
+                f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 "
+                "(both)"
+            )
+        if tr.urgent and tr.direction == 0:
+            raise ModelError(
+                f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, "
+                "-1 while it is < 0"
+            )
+        priority = number(tr.priority, f"priority of {what}")
+        tolerance = number(tr.tolerance, f"tolerance of {what}")
+        if tolerance < 0 or (tolerance and tr.direction == 0):
+            raise ModelError(f"{what}: tolerance must be ≥ 0, and needs a direction of +1 or -1")
+        times = [tr.delay]
+        if isinstance(tr.at, Every):
+            times += [tr.at.period, tr.at.first]
+        elif tr.at:
+            times += tr.at.instants
+        needed = [_letters(value) for value in times if isinstance(value, str)]
+        check_names(needed, self.parameters, f"{what} names the unknown parameter {{}}")
+        reset = self._make_reset(tr)
+        return replace(tr, priority=priority, tolerance=tolerance, reset=reset)
+
+    def _make_reset(self, tr: Transition) -> Function | Mapping[str, Function | float] | None:
+        """The reset: a function, or a mapping of names that there are to functions or numbers."""
+        what = f"the reset of transition {tr.name!r}"
+        kept = () if tr.target is None else tr.sources if tr.reset is None else (tr.target,)
+        for one, other in product(kept, (tr.target, tr.zeno or tr.target)):
+            if self.states_of(one) != self.states_of(other):
+                lacks = "needs a reset" if tr.reset is None else "cannot pile up"
+                raise ModelError(
+                    f"transition {tr.name!r} {lacks}: mode {one!r} has the states "
+                    f"{listed(self.states_of(one))}, mode {other!r} has "
+                    f"{listed(self.states_of(other))}"
+                )
+        if tr.reset is None:
+            return None
+        if not isinstance(tr.reset, Mapping):
+            _function(tr.reset, what, "; or a dict of what changes, {'v': 0.0}")
+            return tr.reset
         parts = named(tr.reset, what)
         for source in tr.sources:
-            after = self.states_of(tr.target or source)
+            before, after = self.states_of(source), self.states_of(tr.target or source)
             if unknown := [key for key in parts if key not in after and key not in self.held]:
                 raise ModelError(
                     f"{what} names {listed(unknown)}; after it there are "
                     f"{listed([*after, *self.held])}"
                 )
-            before = self.states_of(source)
             if missing := [key for key in after if key not in parts and key not in before]:
                 raise ModelError(
                     f"{what} gives no value for {listed(missing)}, which mode {source!r} does "
                     "not have"
                 )
         for key, value in parts.items():
-            if not callable(value):
+            if callable(value):
+                _function(value, f"{what} for {key!r}")
+            else:
                 parts[key] = number(value, f"{what}: {key!r}")
-        return replace(tr, reset=parts)
+        return parts
+
+    def _make_outputs(self, outputs: Mapping[str, Output]) -> dict[str, Output]:
+        made = named(outputs, "outputs")
+        for key, what in made.items():
+            self._check_name(key, "output", "an option of simulate")
+            functions = what.function if isinstance(what, Output) else None
+            by_mode = functions if isinstance(functions, Mapping) else {}
+            if not all(takes(one, 3) for one in by_mode.values() or [functions]):
+                raise ModelError(
+                    f"output {key!r} must be Output(function of (t, s, p), unit, meaning), "
+                    f"not {what!r}"
+                )
+            check_names(by_mode, self.modes, f"output {key!r} names the unknown mode(s) {{}}")
+        return made
+
+    def _make_start(self, start: Mapping[str, float]) -> dict[str, float]:
+        made = {
+            key: number(value, f"start of {key!r}")
+            for key, value in named(start, "start", "{'x': 1.0, …}").items()
+        }
+        if twice := [key for key in made if key in self.held]:
+            raise ModelError(
+                f"start names the held variable(s) {listed(twice)}: their start stands in held= "
+                "(simulate(…, start=…) may change it)"
+            )
+        check_names(made, self.units, "start names the unknown state(s) {}")
+        made |= {key: each.start for key, each in self.held.items()}
+        if not callable(self.mode):
+            self.check_start(made, self.mode)
+        return made
 
     def reset_parts(self, transition: Transition, mode: str) -> dict[str, Function | None]:
         """system.reset_parts(transition, "flight") -> name after the event -> f(t, s, p), None if
@@ -635,86 +605,25 @@ class System:
 
         Names are the target's states (the mode's own where the run ends), then the held variables.
         """
+
+        def part(place: int) -> Function:
+            return lambda t, s, p: reset(t, s, p)[place]
+
+        def constant(value: float) -> Function:
+            return lambda t, s, p: value
+
         names, reset = self.states_of(transition.target or mode), transition.reset
         parts: dict[str, Function | None] = dict.fromkeys([*names, *self.held])
         if callable(reset):
-            return parts | {name: _part(reset, k) for k, name in enumerate(names)}
+            return parts | {name: part(k) for k, name in enumerate(names)}
         for key, value in (reset or {}).items():
-            parts[key] = value if callable(value) else _constant(value)
+            parts[key] = value if callable(value) else constant(value)
         return parts
 
     def places(self, mode: str) -> dict[str, int]:
         """system.places("flight") -> name -> its place in the vector of a state of that mode."""
         own = {name: place for place, name in enumerate(self.states_of(mode))}
         return own | {name: self.width + place for place, name in enumerate(self.held)}
-
-    def _check_transition(self, tr: Transition) -> Transition:
-        sources = getattr(tr, "source", None)
-        sources = [sources] if isinstance(sources, str) else sources
-        if not isinstance(sources, tuple | list) or not all(isinstance(s, str) for s in sources):
-            raise ModelError(
-                f"transitions of {self.name!r} must be Transition(source mode, target mode, "
-                f"…), not {tr!r}"
-            )
-        what = f"transition {tr.name!r}"
-        number(tr.priority, f"priority of {what}")
-        for end in (*tr.sources, tr.target, tr.zeno):
-            if end is not None and (not isinstance(end, str) or end not in self.modes):
-                raise ModelError(
-                    f"{what} names the unknown mode {end!r}; there are {listed(self.modes)}"
-                )
-        if not tr.sources:
-            raise ModelError(f"{what} has no source mode")
-        if (tr.guard is None) == (tr.at is None):
-            raise ModelError(
-                f"{what} needs either a guard (a function) or at= (a schedule), and not both"
-            )
-        if tr.guard is not None and not takes(tr.guard, 3):
-            raise ModelError(
-                f"the guard of {what} must be a function of (t, s, p), not {tr.guard!r}"
-            )
-        if tr.urgent not in (None, True, False):
-            raise ModelError(f"urgent of {what} is True, False or None, not {tr.urgent!r}")
-        tr = self._check_reset(tr)
-        if tr.direction not in (-1, 0, 1):
-            raise ModelError(
-                f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 "
-                "(both)"
-            )
-        if tr.at is not None and not isinstance(tr.at, Every | At):
-            raise ModelError(f"{what}: at= takes Every(period) or At(instant, …), not {tr.at!r}")
-        if tr.urgent and tr.direction == 0:
-            raise ModelError(
-                f"{what} is urgent, so it needs a direction: +1 fires while the guard is > 0, "
-                "-1 while it is < 0"
-            )
-        if number(tr.tolerance, f"tolerance of {what}") < 0 or (tr.tolerance and tr.direction == 0):
-            raise ModelError(f"{what}: tolerance must be ≥ 0, and needs a direction of +1 or -1")
-        if tr.reset is None and tr.target is not None:
-            for end in {tr.target, tr.zeno or tr.target}:
-                for source in tr.sources:
-                    if self.states_of(source) != self.states_of(end):
-                        raise ModelError(
-                            f"{what} needs a reset: mode {source!r} has the states "
-                            f"{listed(self.states_of(source))}, mode {end!r} has "
-                            f"{listed(self.states_of(end))}"
-                        )
-        for value in (
-            tr.delay,
-            *(
-                (tr.at.period, tr.at.first)
-                if isinstance(tr.at, Every)
-                else tr.at.instants
-                if tr.at
-                else ()
-            ),
-        ):
-            if isinstance(value, str) and _letters(value) not in self.parameters:
-                raise ModelError(
-                    f"{what} names the unknown parameter {value!r}; there are "
-                    f"{listed(self.parameters)}"
-                )
-        return tr
 
     def states_of(self, mode: str) -> tuple[str, ...]:
         """system.states_of("flight") -> names of that mode's state variables, in order."""
@@ -725,16 +634,11 @@ class System:
         """system.unit("v") -> the unit of a state, output or parameter, or of the time "t"."""
         if name == "t":
             return self.time
-        if name in self.units:
-            return self.units[name]
-        if name in self.outputs:
-            return self.outputs[name].unit
-        if name in self.parameters:
-            return self.parameters[name].unit
-        raise ModelError(
-            f"{name!r} is neither a state, an output nor a parameter of {self.name!r}; there "
-            f"are {listed([*self.units, *self.outputs, *self.parameters])}"
-        )
+        described = {key: each.unit for key, each in (self.outputs | self.parameters).items()}
+        known = self.units | described
+        said = f"{{}} is neither a state, an output nor a parameter of {self.name!r}"
+        check_names([name], known, said)
+        return known[name]
 
     def values(self, changed: Mapping[str, object] | None = None) -> tuple[float, ...]:
         """system.values({"e": 0.9}) -> all parameters as a named tuple p; ModelError for an
@@ -744,11 +648,7 @@ class System:
             return self.P(*(parameter.value for parameter in self.parameters.values()))
         if not self.parameters.keys() >= changed.keys():
             changed = named(changed, "the parameters")
-        if unknown := [key for key in changed if key not in self.parameters]:
-            raise ModelError(
-                f"{listed(unknown)} is not a parameter of {self.name!r}; there are "
-                f"{listed(self.parameters)}"
-            )
+            check_names(changed, self.parameters, f"{{}} is not a parameter of {self.name!r}")
         return self.P(
             *(
                 parameter.check(key, changed[key]) if key in changed else parameter.value
@@ -765,11 +665,7 @@ class System:
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
             start = named(start, "start")
-            if unknown := [key for key in start if key not in self.units]:
-                raise ModelError(
-                    f"start names the unknown state(s) {listed(unknown)}; mode {mode!r} has "
-                    f"{listed(names)}"
-                )
+            check_names(start, self.units, "start names the unknown state(s) {}")
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
         if missing := [key for key in names if key not in start]:
@@ -792,6 +688,5 @@ class System:
     def __repr__(self) -> str:
         states = ", ".join(name for name in self.units if name not in self.held)
         held = f"; held {', '.join(self.held)}" if self.held else ""
-        count = len(self.transitions)
-        modes = ", ".join(self.modes)
+        modes, count = ", ".join(self.modes), len(self.transitions)
         return f"System({self.name!r}: states {states}{held}; modes {modes}; {count} transitions)"

@@ -647,7 +647,7 @@ def explore(
     several = isinstance(system, Mapping)
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
-    given = start if isinstance(start, Mapping) else {}
+    given = {} if isinstance(start, bool | None) else start
     if unknown := [name for name in given if several and name not in whole.units]:
         raise ModelError(
             f"start names {listed(unknown)}, which none of {whole.name} has; there are "

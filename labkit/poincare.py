@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .arguments import asked
-from .model import Function, ModelError, listed, number
+from .model import Function, ModelError, check_names, number
 from .run import Run, between
 
 __all__ = ["Section", "section"]
@@ -31,8 +31,7 @@ class Section:
 
     @asked
     def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self.values:
-            raise ModelError(f"there is no {name!r} on the section, only {listed(self.values)}")
+        check_names([name], self.values, "there is no {} on the section")
         return self.values[name]
 
     def __len__(self) -> int:
@@ -61,16 +60,16 @@ def section(
     Raises ModelError for a period that is not positive, and as run.at does.
     """
     since = run.t[0] if since is None else number(since, "since")
+    if direction not in (-1, 0, 1):
+        raise ModelError(f"direction is 1 (rising), -1 (falling) or 0 (both), not {direction!r}")
     if not callable(where):
         period = number(where, "the period of a section")
         if period <= 0:
             raise ModelError(f"the period of a section must be positive, not {period:g}")
         count = int(np.floor((run.t[-1] - run.t[0]) / period * (1 + 1e-12))) + 1
         t = np.minimum(run.t[0] + period * np.arange(count), run.t[-1])
-    elif direction in (-1, 0, 1):
-        t = _zeros(run, where, direction)
     else:
-        raise ModelError(f"direction is 1 (rising), -1 (falling) or 0 (both), not {direction!r}")
+        t = _zeros(run, where, direction)
     t = np.clip(t[t >= since], run.t[0], run.t[-1])
     return Section(t, run.at(t, side="before" if callable(where) else "after"))
 
@@ -82,36 +81,33 @@ def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
     ends = np.append(run._pieces[1:, 0], run.t[-1])
     lasts = (ends - run._pieces[:, 0]) / run._pieces[:, 1]
     pieces, lasts, ends = (what[lasts > 0] for what in (run._pieces, lasts, ends))
-    modes = list(system.modes)
-    kinds = {mode: (system.S[mode], list(system.places(mode).values())) for mode in modes}
+    kinds = [(system.S[mode], list(system.places(mode).values())) for mode in system.modes]
 
     def function(piece: np.ndarray) -> Callable[[float], float]:
-        kind, places = kinds[modes[int(piece[2])]]
+        kind, places = kinds[int(piece[2])]
 
         def value(x: float) -> float:
             y, _ = between(piece[None], np.array([x]), width, held)
-            t = piece[0] + x * piece[1]
-            return float(g(t, kind(*y[0, places].tolist()), run.p))  # type: ignore[arg-type]
+            return float(g(piece[0] + x * piece[1], kind(*y[0, places].tolist()), run.p))  # type: ignore[arg-type]
 
         return value
 
     functions = [function(piece) for piece in pieces]
     thetas = [np.linspace(0, last, PARTS + 1) for last in lasts.tolist()]
-    values = [np.array([f(x) for x in xs]) for f, xs in zip(functions, thetas, strict=True)]
-    slack = np.zeros((len(pieces), PARTS + 1))  # what counts as zero
-    for k, (piece, found) in enumerate(zip(pieces, values, strict=True)):
-        steep = np.abs(np.diff(found)).max() * PARTS / (lasts[k] * piece[1])
-        slack[k] = ZERO * np.abs(found).max() + 4 * EPS * abs(piece[0] + piece[1]) * steep
+    values = np.array([[f(x) for x in xs] for f, xs in zip(functions, thetas, strict=True)])
+    values = np.reshape(values, (len(pieces), PARTS + 1))
+    most = np.abs(values).max(axis=1, initial=0.0)
+    steep = np.abs(np.diff(values)).max(axis=1, initial=0.0) * PARTS / (lasts * pieces[:, 1])
+    clock = 4 * EPS * np.abs(pieces[:, 0] + pieces[:, 1])
+    slack = np.tile((ZERO * most + clock * steep)[:, None], PARTS + 1)  # what counts as zero
     # both sides of an instant are measured alike
     slack[1:, 0] = slack[:-1, -1] = np.maximum(slack[1:, 0], slack[:-1, -1])
     events = {*(event.t for event in run.events), float(run.t[-1])}
     points, start = [], True  # (t, whether it rises)
     side, last, zero = 0.0, (0, 0), None  # the side g was on, at which node, where it became zero
-    for k, (piece, f, theta, found) in enumerate(
-        zip(pieces, functions, thetas, values, strict=True)
-    ):
-        signs = np.where(np.abs(found) <= slack[k], 0.0, np.sign(found))
-        for i, sign in enumerate(signs.tolist()):
+    signs = np.where(np.abs(values) <= slack, 0.0, np.sign(values))
+    for k, (piece, f, theta) in enumerate(zip(pieces, functions, thetas, strict=True)):
+        for i, sign in enumerate(signs[k].tolist()):
             when = piece[0] + theta[i] * piece[1]
             if sign == 0:
                 zero = when if zero is None else zero

@@ -73,13 +73,12 @@ class Movable(Characteristic):
     ):
         super().__init__(curve.name, curve.rising, curve.falling if curve.hysteresis else None)
         self.points, self.values = points, values
-        self.box = tuple(
-            (min(found) - room, max(found) + room)
-            for found in (
-                [values[point[axis]] for branch in points for point in branch] for axis in (0, 1)
-            )
-            for room in [ROOM * (max(found) - min(found)) or 1.0]
+        found = np.array(
+            [[values[name] for name in point] for branch in points for point in branch]
         )
+        low, high = found.min(axis=0), found.max(axis=0)
+        room = np.where(high > low, ROOM * (high - low), 1.0)
+        self.box = tuple(map(tuple, np.transpose([low - room, high + room]).tolist()))
 
     @asked
     def put_in(self, system: System, law: Law, unit: str = "") -> System:
@@ -95,20 +94,15 @@ class Movable(Characteristic):
         units = {"x": system.unit(states[0]), "F": unit}
         made = self.modes(law, states)
         pieces = tuple(mode.name for mode in made["modes"])
-        made["transitions"] += [
-            replace(tr, source=pieces) for tr in system.transitions if tr.target is None
-        ]
-        return system.variant(
-            self.name,
-            parameters={
-                key: Parameter(
-                    value, units[key[0]], f"of a point of {self.name}", *self.box[key[0] == "F"]
-                )
-                for key, value in self.values.items()
-            },
-            **made,
-            outputs={"F": self.output(unit, law=law, states=states)},
-        )
+        ends = [replace(tr, source=pieces) for tr in system.transitions if tr.target is None]
+        made["transitions"] += ends
+        meaning = f"of a point of {self.name}"
+        made["parameters"] = {
+            key: Parameter(value, units[key[0]], meaning, *self.box[key[0] == "F"])
+            for key, value in self.values.items()
+        }
+        output = self.output(unit, law=law, states=states)
+        return system.variant(self.name, **made, outputs={"F": output})
 
     @asked
     def draw(self, *names: str) -> Callable[[Run], list[View]]:
@@ -132,35 +126,22 @@ class Movable(Characteristic):
                     found["_loop"] = tuple(np.concatenate(list(lines.values())).T)
                 return found | {branches[way]: tuple(line.T) for way, line in lines.items()}
 
-            look = dict(zip(branches.values(), ("C0-", "C1--"), strict=False))
-            look |= {"as it is traced": {"color": "#C8C8C8", "lw": 6}}
-            look |= {"_loop": "fill"} if len(branches) == 2 else {}
-            units = [f"${x}$ [{system.unit(x)}]", f"$F$ [{F.unit}]" if F.unit else "$F$"]
-            grips = {point: COLORS[k] for k, branch in enumerate(self.points) for point in branch}
-            return [
-                curves(
-                    left,
-                    shape,
-                    styles=look,
-                    xlim=self.box[0],
-                    ylim=self.box[1],
-                    xlabel=units[0],
-                    ylabel=units[1],
-                    title=self.name,
-                    legend=len(branches) == 2,
-                ),
+            styles = dict(zip(branches.values(), ("C0-", "C1--"), strict=False))
+            styles |= {"as it is traced": {"color": "#C8C8C8", "lw": 6}}
+            styles |= {"_loop": "fill"} if len(branches) == 2 else {}
+            look = {"title": self.name, "legend": len(branches) == 2, "styles": styles}
+            look |= dict(zip(("xlim", "ylim"), self.box, strict=True))
+            look |= {"xlabel": f"${x}$ [{system.unit(x)}]"}
+            look |= {"ylabel": f"$F$ [{F.unit}]" if F.unit else "$F$"}
+            views = [
+                curves(left, shape, **look),
                 time_plot(run, names or x, axes=[right], modes=False, events=False, title=""),
-                *(
-                    Handle(
-                        left,
-                        *point,
-                        values=self._dropped(*point),
-                        color=color,
-                        meaning=f"point {k + 1}",
-                    )
-                    for k, (point, color) in enumerate(grips.items())
-                ),
             ]
+            grips = {point: COLORS[k] for k, branch in enumerate(self.points) for point in branch}
+            for k, (point, color) in enumerate(grips.items(), 1):
+                how = {"values": self._dropped(*point), "color": color, "meaning": f"point {k}"}
+                views.append(Handle(left, *point, **how))
+            return views
 
         return picture
 

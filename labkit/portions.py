@@ -11,11 +11,11 @@ import os
 import pickle
 import types
 import warnings
-from collections import ChainMap
+from collections import ChainMap, deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from time import perf_counter
 from typing import Any
 
@@ -70,9 +70,9 @@ class Task:
         return found, used
 
     def _simulate(self, which, parameters, begin, options, found) -> int:  # type: ignore[no-untyped-def]
-        parts = [{name: column[which] for name, column in c.items()} for c in (parameters, begin)]
+        values, start = ({n: column[which] for n, column in c.items()} for c in (parameters, begin))
         try:
-            runs = simulate_many(self.system, self.horizon, start=parts[1], **parts[0], **options)
+            runs = simulate_many(self.system, self.horizon, start=start, **values, **options)
         except ModelError as error:  # none of them can start: each has its own reason
             if len(which) == 1:
                 found[which[0]] = (None, str(error))
@@ -109,10 +109,7 @@ def _simple(value: object) -> object:
 
 
 def portions(
-    task: Task,
-    columns: Mapping[str, Any],
-    jobs: list[Job],
-    executor: Executor | None = None,
+    task: Task, columns: Mapping[str, Any], jobs: list[Job], executor: Executor | None = None
 ) -> Iterator[tuple[np.ndarray, list[Lane]]]:
     """portions(task, columns, jobs) -> which lanes and their results, portion after portion.
 
@@ -141,10 +138,7 @@ def portions(
 
 
 def _elsewhere(
-    task: Task,
-    cut: Callable[[np.ndarray], Columns],
-    jobs: list[Job],
-    executor: Executor,
+    task: Task, cut: Callable[[np.ndarray], Columns], jobs: list[Job], executor: Executor
 ) -> Iterator[tuple[np.ndarray, list[Lane]]]:
     """Portions through an executor, so many at a time that its workers never wait."""
     here = isinstance(executor, ThreadPoolExecutor)
@@ -152,11 +146,11 @@ def _elsewhere(
     workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     total = sum(len(lanes) for lanes, _ in jobs)
     size = max(1, min(FIRST, -(-total // (4 * workers))))
-    waiting = [
+    waiting = deque(
         (lanes[k : k + size], options)
         for lanes, options in jobs
         for k in range(0, len(lanes), size)
-    ]
+    )
     running: dict[Future, Job] = {}
     lost = ""  # why runs are made here that should have been made elsewhere
     try:
@@ -169,16 +163,18 @@ def _elsewhere(
                 except RuntimeError as error:  # it is broken, or was shut down
                     lost = _said(error)
                     break
-                running[future] = waiting.pop(0)
+                running[future] = waiting.popleft()
             for future in wait(running, 0.1, FIRST_COMPLETED).done:
                 which, options = running.pop(future)
                 try:
-                    yield which, future.result()
+                    results = future.result()
                 except Exception as error:  # of the executor: what a run raises is its reason
                     lost = _said(error)
-                    waiting.insert(0, (which, options))
+                    waiting.appendleft((which, options))
+                else:
+                    yield which, results
             if lost and waiting:
-                which, options = waiting.pop(0)
+                which, options = waiting.popleft()
                 yield which, task.run(len(which), cut(which), options)[0]
     finally:
         if lost:
@@ -200,11 +196,9 @@ def _packed(task: Task) -> bytes:
     try:
         import cloudpickle
     except ImportError:
-        dumps = pickle.dumps
-    else:
-        dumps = partial(_with_text, cloudpickle)
+        cloudpickle = None
     try:
-        return dumps(task)
+        return _with_text(cloudpickle, task) if cloudpickle else pickle.dumps(task)
     except Exception as error:  # pickle raises what it likes
         raise ModelError(
             f"the model cannot be sent to other processes ({error}). Write its functions and "

@@ -23,9 +23,9 @@ import numpy as np
 from . import exports
 from .arguments import asked
 from .ledger import Event, Touch
-from .model import ModelError, System, listed
+from .model import ModelError, Output, System, check_names
 
-__all__ = ["Ended", "Event", "Run", "Touch", "Work", "column", "load_npz"]
+__all__ = ["Ended", "Event", "Run", "Samples", "Touch", "Work", "load_npz"]
 
 
 class Ended(StrEnum):
@@ -68,6 +68,57 @@ class Work(NamedTuple):
     seconds: float
     method: str
     backend: str
+
+
+class Samples(NamedTuple):
+    """Samples(t, mode_index, j, values, other, part): see Run, of one run or of many in a row."""
+
+    t: np.ndarray
+    mode_index: np.ndarray
+    j: np.ndarray | None
+    values: np.ndarray
+    other: np.ndarray | None = None
+    part: np.ndarray | None = None
+
+    def cut(self, rows: slice) -> Samples:
+        """samples.cut(slice(10, 20)) -> those rows, in the same memory."""
+        return Samples(*(None if array is None else array[rows] for array in self))
+
+    def column(self, system: System, p: tuple, name: str) -> np.ndarray:
+        """samples.column(system, p, "x") -> (m,) a state, held variable or output.
+
+        NaN where a mode has none. While sliding (other ≥ 0) an output is the mixture
+        (1 − part)·(the mode's) + part·(the other's). Raises ModelError for an unknown name.
+        """
+        if name not in system.units:
+            said = f"{{}} is neither a state nor an output of {system.name!r}"
+            check_names([name], [*system.units, *system.outputs], said)
+        result, output = np.full(len(self.t), np.nan), system.outputs.get(name)
+        for index, mode in enumerate(system.modes):
+            here, place = np.flatnonzero(self.mode_index == index), system.places(mode).get(name)
+            if output:
+                result[here] = self._output(system, p, output, mode, here)
+            elif place is not None and len(here) == len(result):
+                return self.values[:, place].copy()
+            elif place is not None:
+                result[here] = self.values[here, place]
+        if output and self.other is not None:
+            for index, mode in enumerate(system.modes):
+                here = np.flatnonzero(self.other == index)
+                theirs = self._output(system, p, output, mode, here)
+                result[here] += self.part[here] * (theirs - result[here])
+        return result
+
+    def _output(
+        self, system: System, p: tuple, output: Output, mode: str, here: np.ndarray
+    ) -> np.ndarray:
+        """An output of a mode at some of the samples; NaN when the mode has none."""
+        function, kind = output.of(mode), system.S[mode]
+        if function is None:
+            return np.full(len(here), np.nan)
+        states = self.values[np.ix_(here, list(system.places(mode).values()))].tolist()
+        rows = zip(self.t[here].tolist(), states, strict=True)
+        return np.array([function(t, kind(*s), p) for t, s in rows])
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -115,7 +166,11 @@ class Run:
 
     @cached_property
     def mode(self) -> np.ndarray:
-        return np.array(list(self.system.modes), dtype=object)[self.mode_index]
+        return self._modes[self.mode_index]
+
+    @cached_property
+    def _modes(self) -> np.ndarray:
+        return np.array(list(self.system.modes), dtype=object)
 
     @property
     def start(self) -> dict[str, float]:
@@ -133,9 +188,8 @@ class Run:
 
     @asked
     def __getitem__(self, name: str) -> np.ndarray:
-        return column(
-            self.system, self.p, name, self.t, self.mode_index, self.values, self.other, self.part
-        )
+        more = self.j, self.values, self.other, self.part
+        return Samples(self.t, self.mode_index, *more).column(self.system, self.p, name)
 
     def again(self, **changes: object) -> Run:
         """run.again(e=0.7, rtol=1e-10, start={"y": 2.0}) -> Run, as this one but for the changes.
@@ -145,11 +199,8 @@ class Run:
         """
         if self.make is None:
             raise ModelError("this run was not made by simulate, so it cannot be made again")
-        if unknown := [n for n in changes if n not in self.options and n not in self.p._fields]:
-            raise ModelError(
-                f"again takes options and parameters of {self.system.name!r}, not "
-                f"{listed(unknown)}; there are {listed([*self.p._fields, *self.options])}"
-            )
+        said = f"again takes options and parameters of {self.system.name!r}, not {{}}"
+        check_names(changes, [*self.p._fields, *self.options], said)
         if isinstance(changes.get("start"), Mapping):
             changes["start"] = {**self.options["start"], **changes["start"]}
         return self.make(self.system, **{**self.p._asdict(), **self.options, **changes})
@@ -169,29 +220,26 @@ class Run:
         """
         if side not in ("before", "after"):
             raise ModelError(f"side is 'before' or 'after', not {side!r}")
-        when = np.atleast_1d(np.asarray(t, dtype=float))
+        when = np.ravel(np.asarray(t, dtype=float))
         first, last = self.t[0], self.t[-1]
-        if not np.all((when >= first) & (when <= last)):
-            wrong = when[~((when >= first) & (when <= last))][0]
-            raise ModelError(f"t = {wrong:g} lies outside the run, {first:g} … {last:g}")
-        modes, values, other, part = self._between(when, side)
-        found = {
-            name: column(self.system, self.p, name, when, modes, values, other, part)
-            for name in (*self.system.units, *self.system.outputs)
-        }
-        found["mode"] = np.array(list(self.system.modes), dtype=object)[modes]
-        return {
-            key: value.tolist()[0] if np.ndim(t) == 0 else value for key, value in found.items()
-        }
+        outside = ~((when >= first) & (when <= last))  # NaN, too
+        if outside.any():
+            raise ModelError(f"t = {when[outside][0]:g} lies outside the run, {first:g} … {last:g}")
+        between, names = self._between(when, side), (*self.system.units, *self.system.outputs)
+        found = {name: between.column(self.system, self.p, name) for name in names}
+        found["mode"] = self._modes[between.mode_index]
+        shape = np.shape(t)
+        return {n: each.reshape(shape) if shape else each.item() for n, each in found.items()}
 
-    def _between(self, when: np.ndarray, side: str) -> tuple[np.ndarray, ...]:
-        """Modes, values, other modes and their parts at times inside the run, from its pieces."""
+    def _between(self, when: np.ndarray, side: str) -> Samples:
+        """At times inside the run, from its pieces."""
         modes = np.full(when.shape, self.mode_index[-1])
         values = np.repeat(self.values[-1:], len(when), axis=0)
         other, part = np.full(when.shape, -1), np.zeros(when.shape)
         pieces = self._pieces
+        made = Samples(when, modes, None, values, other, part)
         if not len(pieces):
-            return modes, values, other, part
+            return made
         index = np.searchsorted(pieces[:, 0], when, side="right" if side == "after" else "left") - 1
         inside = when < self.t[-1]
         if side == "before":
@@ -203,27 +251,20 @@ class Run:
         values[inside], slope = between(piece, theta, self.system.width, len(self.system.held))
         for k in np.flatnonzero(other[inside] >= 0):
             i = np.flatnonzero(inside)[k]
-            part[i] = _part(self.system, self.p, when[i], modes[i], other[i], values[i], slope[k])
-        return modes, values, other, part
+            both = self._modes[[modes[i], other[i]]]
+            part[i] = _part(self.system, self.p, when[i], both, values[i], slope[k])
+        return made
 
     def ledger(self) -> str:
         """print(run.ledger()): events and touched limits, one a line, why the run ended, notes."""
-        return "\n".join(
-            [
-                *map(str, sorted([*self.events, *self.touches], key=lambda line: line.t)),
-                f"{self.t[-1]:12.6f}  {self.stopped}",
-                *(f"{'note':>12}  {note}" for note in self.notes),
-            ]
-        )
+        lines = list(map(str, sorted([*self.events, *self.touches], key=lambda line: line.t)))
+        lines.append(f"{self.t[-1]:12.6f}  {self.stopped}")
+        return "\n".join([*lines, *(f"{'note':>12}  {note}" for note in self.notes)])
 
     def columns(self) -> dict[str, np.ndarray]:
         """run.columns() -> {"t", "j", "mode", every state, every output}: what the exports hold."""
-        return {
-            "t": self.t,
-            "j": self.j,
-            "mode": self.mode.astype(str),
-            **{n: self[n] for n in (*self.system.units, *self.system.outputs)},
-        }
+        own = {"t": self.t, "j": self.j, "mode": self.mode.astype(str)}
+        return own | {name: self[name] for name in (*self.system.units, *self.system.outputs)}
 
     @asked
     def to_csv(self, path: str | os.PathLike) -> Path:
@@ -261,8 +302,7 @@ class Run:
         notes = f"; note: {self.notes[0]}{', …' * (len(self.notes) > 1)}" if self.notes else ""
         return (
             f"Run of {self.system.name!r}: t = {self.t[0]:g} … {self.t[-1]:g} {self.system.time}, "
-            f"{len(self)} samples, {len(self.events)} events, {self.stopped}"
-            f"{notes}"
+            f"{len(self)} samples, {len(self.events)} events, {self.stopped}{notes}"
         )
 
 
@@ -283,82 +323,17 @@ def between(
     return np.hstack([y, pieces[:, behind:]]), slope / pieces[:, 1:2]
 
 
-def column(
-    system: System,
-    p: tuple,
-    name: str,
-    t: np.ndarray,
-    modes: np.ndarray,
-    values: np.ndarray,
-    other: np.ndarray | None = None,
-    part: np.ndarray | None = None,
-) -> np.ndarray:
-    """A state, held variable or output (m,) over samples of mixed modes; NaN where a mode has none.
-
-    While sliding (other ≥ 0) an output is the mixture (1 − part)·(the mode's) + part·(the other's).
-    Raises ModelError for an unknown name.
-    """
-    if name not in system.units and name not in system.outputs:
-        raise ModelError(
-            f"{name!r} is neither a state nor an output of {system.name!r}; "
-            f"there are {listed([*system.units, *system.outputs])}"
-        )
-    result = np.full(len(t), np.nan)
-    for index, key in enumerate(system.modes):
-        here = np.flatnonzero(modes == index)
-        places = system.places(key)
-        if not len(here):
-            continue
-        if name in places and len(here) == len(t):
-            return values[:, places[name]].copy()
-        if name in places:
-            result[here] = values[here, places[name]]
-        elif name in system.outputs:
-            result[here] = _output(system, p, name, key, t, values, here)
-    if name in system.outputs and other is not None:
-        for index, key in enumerate(system.modes):
-            here = np.flatnonzero(other == index)
-            theirs = _output(system, p, name, key, t, values, here)
-            result[here] += part[here] * (theirs - result[here])
-    return result
-
-
-def _output(
-    system: System,
-    p: tuple,
-    name: str,
-    mode: str,
-    t: np.ndarray,
-    values: np.ndarray,
-    here: np.ndarray,
-) -> np.ndarray:
-    """The output of a mode at some of the samples; NaN when the mode has none."""
-    function = system.outputs[name].function
-    function = function.get(mode) if isinstance(function, Mapping) else function
-    if function is None:
-        return np.full(len(here), np.nan)
-    kind, places = system.S[mode], list(system.places(mode).values())
-    states = values[np.ix_(here, places)].tolist()
-    times = t[here].tolist()
-    return np.array([function(x, kind(*s), p) for x, s in zip(times, states, strict=True)])
-
-
 def _part(
-    system: System,
-    p: tuple,
-    t: float,
-    mode: int,
-    other: int,
-    values: np.ndarray,
-    rates: np.ndarray,
+    system: System, p: tuple, t: float, modes: Sequence[str], y: np.ndarray, rates: np.ndarray
 ) -> float:
-    """While sliding, the share λ of the other mode: rates = (1 − λ)·(mode's flow) + λ·(other's)."""
-    flows = []
-    for key in (list(system.modes)[mode], list(system.modes)[other]):
-        s = system.S[key](*values[list(system.places(key).values())].tolist())
-        flows.append(np.array(system.modes[key].flow(float(t), s, p), dtype=float))
-    apart = flows[1] - flows[0]
-    share = (rates[: len(apart)] - flows[0]) @ apart / (apart @ apart) if apart.any() else 0.0
+    """While sliding, the share λ of the second mode: rates = (1 − λ)·(flow) + λ·(its flow)."""
+    flow, other = (
+        np.array(system.modes[mode].flow(float(t), system.S[mode](*s.tolist()), p), dtype=float)
+        for mode in modes
+        for s in [y[list(system.places(mode).values())]]
+    )
+    apart = other - flow
+    share = (rates[: len(apart)] - flow) @ apart / (apart @ apart) if apart.any() else 0.0
     return float(np.clip(share, 0.0, 1.0))
 
 
@@ -371,23 +346,20 @@ def write_whole(path: str | os.PathLike, data: bytes) -> Path:
 
     So a full disk or a lost share never leaves half a file. Raises ModelError.
     """
-    path, temporary = Path(path), None
+    path, temporary = Path(path), ""
     try:
-        mode = (
-            path.stat().st_mode if path.exists() else 0o666 & ~_UMASK
-        )  # a temporary file is for its owner alone
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.name[:99]}.", delete=False
-        ) as file:
+        # a temporary file is for its owner alone
+        mode = path.stat().st_mode if path.exists() else 0o666 & ~_UMASK
+        beside = {"dir": path.parent, "prefix": f".{path.name[:99]}."}
+        with tempfile.NamedTemporaryFile(delete=False, **beside) as file:
             temporary = file.name
             file.write(data)
         os.chmod(temporary, mode)
         os.replace(temporary, path)
-        temporary = None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise unwritable(path, error) from error
     finally:  # also when the kernel is interrupted
-        if temporary and os.path.exists(temporary):
+        if os.path.exists(temporary):
             os.unlink(temporary)
     return path
 
@@ -409,7 +381,7 @@ def load_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as data:
             return {key: data[key] for key in data.files}
-    except (OSError, ValueError, AttributeError, TypeError) as error:  # the last two: a plain .npy
+    except Exception as error:  # a file of another kind, or half of one, may raise anything
         raise ModelError(
             f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or error}): "
             "it must be a file that run.to_npz wrote"

@@ -10,35 +10,15 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
+from .arguments import asked
 from .ledger import Events, Touch
 from .model import System
-from .run import Ended, Run, Work, column
+from .run import Ended, Run, Samples, Work
 
 __all__ = ["Runs", "Samples"]
-
-
-class Samples(NamedTuple):
-    """Samples(t, mode_index, j, values, other, part): see Run, of one run or of many in a row."""
-
-    t: np.ndarray
-    mode_index: np.ndarray
-    j: np.ndarray
-    values: np.ndarray
-    other: np.ndarray | None = None
-    part: np.ndarray | None = None
-
-    def cut(self, rows: slice) -> Samples:
-        """samples.cut(slice(10, 20)) -> those rows, in the same memory."""
-        return Samples(*(None if array is None else array[rows] for array in self))
-
-    def column(self, system: System, p: tuple, name: str) -> np.ndarray:
-        """samples.column(system, p, "x") -> (m,) a state, held variable or output."""
-        where = self.t, self.mode_index, self.values, self.other, self.part
-        return column(system, p, name, *where)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -75,6 +55,7 @@ class Runs(Sequence):
     def __len__(self) -> int:
         return len(self.ends)
 
+    @asked
     def __getitem__(self, which: int | slice | str) -> Run | list[Run] | np.ndarray:
         if isinstance(which, str):
             return self._padded(self._flat(which), np.nan)
@@ -86,46 +67,46 @@ class Runs(Sequence):
         return slice(int(self.ends[lane - 1]) if lane else 0, int(self.ends[lane]))
 
     def _run(self, lane: int) -> Run:
-        samples, (ended, stopped) = self.samples.cut(self._rows(lane)), self.endings[lane]
+        ended, stopped = self.endings[lane]
         events, last = int(self.events[lane]), int(self._last_event[lane])
         costs, work = self.costs[lane].tolist(), self.work
         return Run(
-            self.system,
-            self.p[lane],
-            samples.t,
-            samples.j,
-            samples.mode_index,
-            samples.values,
-            Events(self.system, self.ledger[last - events : last]),
-            stopped,
-            Work(*costs, events, float("nan"), work.method, work.backend),
-            np.empty((0, 4)) if ended is Ended.REFUSED else None,
-            self.touches.get(lane, []),
-            ended,
-            self.notes.get(lane, []),
-            self.options(lane),
-            self.make,
-            samples.other,
-            samples.part,
+            system=self.system,
+            p=self.p[lane],
+            **self.samples.cut(self._rows(lane))._asdict(),
+            events=Events(self.system, self.ledger[last - events : last]),
+            stopped=stopped,
+            work=Work(*costs, events, float("nan"), work.method, work.backend),
+            pieces=np.empty((0, 4)) if ended is Ended.REFUSED else None,
+            touches=self.touches.get(lane, []),
+            ended=ended,
+            said=self.notes.get(lane, []),
+            options=self.options(lane),
+            make=self.make,
         )
 
     def _flat(self, name: str) -> np.ndarray:
         """A state, held variable or output at all samples of all lanes."""
         if name not in self.system.outputs:  # the parameters do not matter: all lanes at once
             return self.samples.column(self.system, (), name)
-        lanes = range(len(self))
-        parts = [self.samples.cut(self._rows(k)) for k in lanes]
-        return np.concatenate([parts[k].column(self.system, self.p[k], name) for k in lanes])
+        parts = (self.samples.cut(self._rows(k)) for k in range(len(self)))
+        return np.concatenate(
+            [c.column(self.system, p, name) for c, p in zip(parts, self.p, strict=True)]
+        )
 
     def _padded(self, flat: np.ndarray, filling: float) -> np.ndarray:
         """(lanes, m) of what stands in a row."""
-        counts = np.diff(self.ends, prepend=0)
+        counts = self._counts
         shape = (len(counts), int(counts.max()), *flat.shape[1:])
         if len(flat) == shape[0] * shape[1]:  # no lane had an event, or all had as many
             return np.ascontiguousarray(flat.reshape(shape))
         found = np.full(shape, filling, dtype=flat.dtype)
         found[np.arange(shape[1]) < counts[:, None]] = flat
         return found
+
+    @property
+    def _counts(self) -> np.ndarray:
+        return np.diff(self.ends, prepend=0)
 
     @cached_property
     def p(self) -> list[tuple]:
@@ -161,5 +142,5 @@ class Runs(Sequence):
         return {name: last.column(self.system, (), name) for name in self.system.units}
 
     def __repr__(self) -> str:
-        most = int(np.diff(self.ends, prepend=0).max())
+        most = self._counts.max()
         return f"Runs of {self.system.name!r}: {len(self)} runs, up to {most} samples each"

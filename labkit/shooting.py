@@ -107,10 +107,9 @@ class Cycle:
 
     def __repr__(self) -> str:
         word = "stable" if self.stable else "unstable"
-        return (
-            f"Cycle of {self.run.system.name!r}: period {self.period:.10g} "
-            f"{self.run.system.time}, {len(self.run.events)} events, {word}"
-        )
+        system, count = self.run.system, len(self.run.events)
+        period = f"{self.period:.10g} {system.time}"
+        return f"Cycle of {system.name!r}: period {period}, {count} events, {word}"
 
 
 class Flow:
@@ -139,20 +138,14 @@ class Flow:
     def moving(self) -> tuple[str, ...]:
         return tuple(self.names[k] for k in self.moves)
 
-    def start(self, x: np.ndarray) -> dict[str, Any]:
-        return dict(zip(self.names, x.tolist() if x.ndim == 1 else list(x), strict=True))
+    def made(self, make: Callable, x: np.ndarray, T: float, **more: Any) -> Any:
+        """By simulate a run from x (n,), by simulate_many some from x (n, k)."""
+        start = dict(zip(self.names, x.tolist() if x.ndim == 1 else list(x), strict=True))
+        how = {"t0": self.t0, "start": start, "mode": self.mode, **self.options, **more}
+        return make(self.system, self.t0 + T, **how, **self.p)
 
     def run(self, x: np.ndarray, T: float) -> Run:
-        end = self.t0 + T
-        return simulate(
-            self.system,
-            end,
-            t0=self.t0,
-            start=self.start(x),
-            mode=self.mode,
-            **self.options,
-            **self.p,
-        )
+        return self.made(simulate, x, T)
 
     def end(self, run: Run) -> np.ndarray:
         """The state at the end; ModelError if the run did not come there in its first mode."""
@@ -167,16 +160,7 @@ class Flow:
 
     def ends(self, x: np.ndarray, T: float) -> tuple[np.ndarray, list[list]]:
         """The ends (k, n) of starts (k, n), and which events each run had."""
-        many = simulate_many(
-            self.system,
-            self.t0 + T,
-            t0=self.t0,
-            start=self.start(x.T),
-            mode=self.mode,
-            **{**self.options, "points": 2},
-            **self.p,
-        )
-        runs = list(many)  # each is made once
+        runs = list(self.made(simulate_many, x.T, T, points=2))  # each is made once
         events = [[(e.transition, e.target) for e in run.events] for run in runs]
         return np.array([self.end(run) for run in runs]), events
 
@@ -203,9 +187,9 @@ class Flow:
                 continue
             if self.joined(ends):
                 return self.derivative(x, T, size)
-            rows = ends[1:, places].reshape(4, n, n)
-            one = (rows[0] - rows[1]) / (2 * share * size[places])[:, None]
-            two = (rows[2] - rows[3]) / (4 * share * size[places])[:, None]
+            up, down, up_two, down_two = ends[1:, places].reshape(4, n, n)
+            one = (up - down) / (2 * share * size[places])[:, None]
+            two = (up_two - down_two) / (4 * share * size[places])[:, None]
             noise = float(self.options["rtol"]) * 10 / share
             return ((4 * one - two) / 3).T, float(np.abs(one - two).max() / 3 + noise)
         raise ModelError(f"the map has no derivative there: {why}")
@@ -220,9 +204,9 @@ def near(begun: Run, g: Function | None, t0: float, period: float, options: dict
     system, p = begun.system, begun.p._asdict()
 
     def flow_at(when: float) -> tuple[Flow, np.ndarray]:
-        at = begun.at(when)
-        flow = Flow(system, when, str(at["mode"]), options, p)
-        return flow, np.array([float(at[name]) for name in flow.names])  # type: ignore[arg-type]
+        at: dict[str, Any] = begun.at(when)
+        flow = Flow(system, when, at["mode"], options, p)
+        return flow, np.array([at[name] for name in flow.names])
 
     times = np.array([event.t for event in begun.events])
     try:
@@ -256,7 +240,10 @@ def _newton(flow: Flow, beside: Callable | None, x: np.ndarray, T: float) -> Cyc
     first, worst = _sizes(run, flow), np.inf
     for _ in range(TURNS):
         size = np.clip(_sizes(run, flow), REST * first, first / REST)
-        M, error = _neighbours(flow, x, T, size)
+        try:
+            M, error = flow.derivative(x, T, size)
+        except ModelError as why:
+            raise _Elsewhere(str(why)) from None
         moves, n = flow.moves, len(flow.moves)
         if left := [flow.names[k] for k in np.flatnonzero(miss) if k not in moves]:
             raise ModelError(
@@ -298,10 +285,9 @@ def _newton(flow: Flow, beside: Callable | None, x: np.ndarray, T: float) -> Cyc
             "the clock does not drive needs a section instead of a period"
         )
     sizes = _sizes(run, flow)
-    still = np.array([np.ptp(run[name]) for name in flow.names]) <= STILL * np.maximum(
-        sizes, REST * first
-    )
-    if np.all(still) or (beside and np.all((sizes <= REST * first)[moves])):
+    widths = np.array([np.ptp(run[name]) for name in flow.names])
+    still = np.all(widths <= STILL * np.maximum(sizes, REST * first))
+    if still or (beside and np.all((sizes <= REST * first)[moves])):
         said = _words(run.final, flow.names)
         raise ModelError(f"what was found is at rest, not a cycle: {said}")
     if beside is not None:
@@ -312,19 +298,10 @@ def _newton(flow: Flow, beside: Callable | None, x: np.ndarray, T: float) -> Cyc
                 "period instead of a section"
             )
     slope, size = flow.slope(flow.t0 + T, x + miss)[moves], size[moves]
-    trivial = bool(
-        np.any(slope)
-        and np.linalg.norm((M @ slope - slope) / size) <= (1e-4 * np.linalg.norm(slope / size))
-    )
+    turned, along = np.linalg.norm((M @ slope - slope) / size), np.linalg.norm(slope / size)
+    trivial = bool(along > 0 and turned <= 1e-4 * along)
     made = Monodromy(flow.moving, M, error, float(T), trivial)
     return Cycle(float(T), run, flow.mode, worst, made)
-
-
-def _neighbours(flow: Flow, x: np.ndarray, T: float, size: np.ndarray) -> tuple[np.ndarray, float]:
-    try:
-        return flow.derivative(x, T, size)
-    except ModelError as error:
-        raise _Elsewhere(str(error)) from None
 
 
 def _sizes(run: Run, flow: Flow) -> np.ndarray:
@@ -338,18 +315,15 @@ def _words(values: Mapping[str, float], names: Iterable[str]) -> str:
 
 
 def linear(
-    system: System,
-    T: float,
-    *,
-    start: Mapping[str, float] | None,
-    mode: str | None,
-    t0: float,
-    options: dict,
-    p: Mapping[str, float],
+    system: System, T: float, begin: dict, options: dict, p: Mapping[str, float]
 ) -> Monodromy | None:
-    """Of a system whose map is affine in a box ten times as large as its run; else None."""
+    """Of a system whose map is affine in a box ten times as large as its run; else None.
+
+    begin: its start, mode and t0.
+    """
+    t0 = begin["t0"]
     try:
-        run = simulate(system, t0 + T, t0=t0, start=start, mode=mode, **options, **p)
+        run = simulate(system, t0 + T, **begin, **options, **p)
         flow = Flow(system, t0, str(run.mode[0]), options, p)
         size = np.array([10 * np.nanmax(np.abs(run[name])) or 1.0 for name in flow.names])
         x = np.array([run.start[name] for name in flow.names])
@@ -370,9 +344,10 @@ def linear(
     ends, size = ends[:, moves], size[moves]
     rest, up, down, last = ends[0], ends[1 : n + 1], ends[n + 1 : 2 * n + 1], ends[-1]
     M = ((up - down) / (2 * size[:, None])).T
+    bent = np.abs(up + down - 2 * rest)
     largest = np.abs(ends).max(axis=0) + 1e-300
-    bent = np.abs(np.vstack([up + down - 2 * rest, last - rest - M @ mixed])) / largest
-    if not np.isfinite(ends).all() or bent.max() > LINEAR:
+    far = np.vstack([bent, np.abs(last - rest - M @ mixed)]) / largest
+    if not np.isfinite(ends).all() or far.max() > LINEAR:
         return None
-    error = (np.abs(up + down - 2 * rest).max(axis=0) / size.min()).max()
-    return Monodromy(flow.moving, M, float(error) + float(options["rtol"]), float(T))
+    error = float(bent.max() / size.min()) + float(options["rtol"])
+    return Monodromy(flow.moving, M, error, float(T))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,28 +20,47 @@ from numpy.typing import ArrayLike
 
 from .arguments import asked
 from .linear import E, borders, classify, eigenvalues, equilibrium, finite
-from .model import ModelError, listed, number
+from .model import ModelError, check_names, number
 
-__all__ = [
-    "Review",
-    "Similarity",
-    "canonical",
-    "check_design",
-    "design",
-    "matrix_a",
-    "matrix_b",
-    "reflection",
-    "rotation",
-]
+__all__ = ["Review", "Similarity", "canonical", "check_design", "design", "matrix_a", "matrix_b"]
+__all__ += ["reflection", "rotation"]
+
+# ---- Λ as functions of its numbers, entry by entry: so that models can use them
 
 
-_NEEDS = {
-    "node": (2, "two different {sign} eigenvalues λ1, λ2"),
-    "star": (1, "one {sign} number λ0"),
-    "improper node": (1, "one {sign} number λ0"),
-    "spiral point": (2, "α {sign} and β not zero"),
-    "saddle": (2, "one positive and one negative eigenvalue"),
-    "centre": (1, "β not zero"),
+def _two(p):
+    return p.lambda1, 0.0, 0.0, p.lambda2
+
+
+def _star(p):
+    return p.lambda0, 0.0, 0.0, p.lambda0
+
+
+def _improper(p):
+    return p.lambda0, 0.0, 1.0, p.lambda0
+
+
+def _spiral(p):
+    return p.alpha, p.beta, -p.beta, p.alpha
+
+
+def _centre(p):
+    return 0.0, p.beta, -p.beta, 0.0
+
+
+_PAIR = {"lambda1": "eigenvalue 1", "lambda2": "eigenvalue 2"}
+#: of each type: Λ, what its numbers mean, and which they must be
+BLOCKS = {
+    "node": (_two, _PAIR, "two different {sign} eigenvalues λ1, λ2"),
+    "star": (_star, {"lambda0": "both eigenvalues"}, "one {sign} number λ0"),
+    "improper node": (_improper, {"lambda0": "both eigenvalues"}, "one {sign} number λ0"),
+    "spiral point": (
+        _spiral,
+        {"alpha": "growth rate", "beta": "turning rate"},
+        "α {sign} and β not zero",
+    ),
+    "saddle": (_two, _PAIR, "one positive and one negative eigenvalue"),
+    "centre": (_centre, {"beta": "turning rate"}, "β not zero"),
 }
 
 
@@ -55,22 +75,15 @@ def canonical(kind: str, *numbers: float) -> np.ndarray:
     """
     kind = _kind(kind)
     un, base = kind.rpartition("stable ")[0], base_of(kind)
-    count, need = _NEEDS[base]
+    block, names, need = BLOCKS[base]
     need = need.format(sign="positive" if un else "negative")
-    if len(numbers) != count:
+    if (count := len(names)) != len(numbers):
         raise ModelError(
             f"{_a(kind)} takes {count} number{'s' * (count > 1)} ({need}), not {len(numbers)}"
         )
-    x, y = (
-        number(value, f"a number of the {kind}")
-        for value in (numbers if count == 2 else numbers * 2)
-    )
-    special = {
-        "improper node": [[x, 0], [1, x]],
-        "spiral point": [[x, y], [-y, x]],
-        "centre": [[0, x], [-x, 0]],
-    }
-    Lambda = np.array(special.get(base, [[x, 0], [0, y]]), dtype=float)
+    values = (number(value, f"a number of the {kind}") for value in numbers)
+    entries = block(SimpleNamespace(**dict(zip(names, values, strict=True))))
+    Lambda = np.array(entries, dtype=float).reshape(2, 2)
     if (made := classify(Lambda)) != kind:
         raise ModelError(
             f"{', '.join(f'{value:g}' for value in numbers)} would make the type “{made}”; "
@@ -85,23 +98,21 @@ def base_of(kind: str) -> str:
 
 
 def _kind(kind: str) -> str:
-    known = [
-        *(f"{s}stable {k}" for k in _NEEDS if k not in ("saddle", "centre") for s in ("", "un")),
-        "saddle",
-        "centre",
-    ]
-    name = {
-        "elliptic point": "centre",
-        "stable spiral": "stable spiral point",
-        "unstable spiral": "unstable spiral point",
-    }.get(kind, kind)
-    if name not in known:
-        raise ModelError(f"there is no type {kind!r}; there are {listed(known)}")
+    other = {"elliptic point": "centre", "stable spiral": "stable spiral point"}
+    other |= {"unstable spiral": "unstable spiral point"}
+    *both, saddle, centre = BLOCKS
+    known = [f"{un}stable {base}" for base in both for un in ("", "un")]
+    name = other.get(kind, kind)
+    check_names([name], [*known, saddle, centre], "there is no type {}")
     return name
 
 
 def _a(kind: str) -> str:
     return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
+#: the transformations of part 1, in words
+WAYS = ("matrix A", "matrix B", "reflection", "rotation")
 
 
 class Similarity(NamedTuple):
@@ -117,8 +128,7 @@ def matrix_a(u: ArrayLike, v: ArrayLike) -> Similarity:
 
     Raises ModelError unless (u, v) = 0.
     """
-    u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
-    d = float(u @ v)
+    u, v, d = _vectors(u, v)
     if abs(d) > 1e-12 * np.hypot(*u) * np.hypot(*v):
         raise ModelError(
             f"matrix A needs u and v at right angles, but (u, v) = {d:g}: then E − u vᵀ is not the "
@@ -134,14 +144,19 @@ def matrix_b(u: ArrayLike, v: ArrayLike) -> Similarity:
     det S = 1 + d: areas grow by this factor, and for d < −1 the plane is turned over as well.
     Raises ModelError for d = −1.
     """
-    u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
-    d = float(u @ v)
+    u, v, d = _vectors(u, v)
     if abs(1 + d) <= 1e-12 * (1 + np.hypot(*u) * np.hypot(*v)):
         raise ModelError(
             "matrix B needs (u, v) ≠ −1: at −1 it maps u to 0 and presses the whole plane flat on "
             "one line, so it has no inverse"
         )
     return Similarity(E + np.outer(u, v), E - np.outer(u, v) / (1 + d))
+
+
+def _vectors(u: ArrayLike, v: ArrayLike) -> tuple[np.ndarray, np.ndarray, float]:
+    """u, v and (u, v)."""
+    u, v = finite(u, (2,), "u"), finite(v, (2,), "v")
+    return u, v, float(u @ v)
 
 
 @asked
@@ -177,7 +192,8 @@ def design(
 
     A = S Λ S⁻¹ and b = −A s* put the equilibrium s* there.
     """
-    A = similarity[0] @ finite(Lambda, (2, 2), "Lambda") @ similarity[1]
+    S, inverse = similarity
+    A = S @ finite(Lambda, (2, 2), "Lambda") @ inverse
     return A, -A @ finite(at, (2,), "at")
 
 
@@ -202,9 +218,8 @@ class Review:
 
     def __repr__(self) -> str:
         lines = [f"{'✓' if good else '✗'} {text}" for good, text in self.remarks]
-        return "\n".join(
-            [*lines, "The task is met." if self.passed else "Not yet: mend the lines marked ✗."]
-        )
+        end = "The task is met." if self.passed else "Not yet: mend the lines marked ✗."
+        return "\n".join([*lines, end])
 
 
 @asked
@@ -224,62 +239,46 @@ def check_design(
     "matrix B", "reflection" or "rotation") and whether S⁻¹ A S is the canonical form. Raises
     ModelError for input that is not 2 × 2 or a name that is unknown.
     """
-    A, b, S, kind = (
-        finite(A, (2, 2), "A"),
-        finite(b, (2,), "b"),
-        finite(S, (2, 2), "S"),
-        _kind(kind),
-    )
-    if by not in ("matrix A", "matrix B", "reflection", "rotation"):
-        raise ModelError(
-            f"there is no transformation by {by!r}; there are 'matrix A', 'matrix B', "
-            "'reflection', 'rotation'"
-        )
+    A, b, S = finite(A, (2, 2), "A"), finite(b, (2,), "b"), finite(S, (2, 2), "S")
+    goal = None if at is None else finite(at, (2,), "at")
+    kind = _kind(kind)
+    check_names([by], WAYS, "there is no transformation by {}")
     made = classify(A, tolerance)
-    values = ", ".join(
-        f"{value:.4g}" if value.imag else f"{value.real:.4g}" for value in eigenvalues(A)
-    )
-    remarks = [
-        (
-            made == kind,
-            f"type: {made} (eigenvalues {values})"
-            + ("" if made == kind else f", but the task asks for: {kind}"),
-        )
-    ]
+    values = ", ".join(f"{z:.4g}" if z.imag else f"{z.real:.4g}" for z in eigenvalues(A))
+    wanted = "" if made == kind else f", but the task asks for: {kind}"
+    remarks = [(made == kind, f"type: {made} (eigenvalues {values}){wanted}")]
     try:
         rest = equilibrium(A, b)
-        rest = np.where(np.abs(rest) < 1e-12 * np.abs(rest).max(), 0.0, rest)  # for the eye
-        there = at is None or bool(np.allclose(rest, finite(at, (2,), "at"), rtol=1e-6, atol=1e-6))
-        wanted = "" if there else " and not at ({:g}, {:g}): b must be −A s*".format(*at)  # type: ignore[misc]
-        remarks.append((there, f"equilibrium at ({rest[0]:.4g}, {rest[1]:.4g}){wanted}"))
     except ModelError as error:
         remarks.append((False, str(error)))
-    good, text = _form(S, by, tolerance)
-    remarks.append((good, text))
+    else:
+        there = goal is None or bool(np.allclose(rest, goal, rtol=1e-6, atol=1e-6))
+        wanted = "" if there else " and not at ({:g}, {:g}): b must be −A s*".format(*goal)
+        remarks.append((there, f"equilibrium at {pair(rest)}{wanted}"))
+    remarks.append(_form(S, by, tolerance))
     if borders(S)["det A = 0"] > tolerance:
         L, other = np.linalg.solve(S, A @ S), S @ A @ np.linalg.inv(S)
         slack = 10 * tolerance * float(np.abs(A).max() + 1) * np.linalg.cond(S)
-        fault = _not_canonical(L, kind, slack)
-        swapped = (
-            " (S A S⁻¹ is: S and S⁻¹ have changed places)"
-            if fault and not _not_canonical(other, kind, slack)
-            else ""
-        )
-        rows = "[[{:.4g}, {:.4g}], [{:.4g}, {:.4g}]]".format(
-            *(np.where(np.abs(L) < slack, 0.0, L)).ravel()
-        )
-        remarks.append(
-            (
-                not fault,
-                f"S⁻¹ A S = {rows}"
-                + (
-                    f" is not the canonical form: {fault}{swapped}"
-                    if fault
-                    else ", the canonical form"
-                ),
-            )
-        )
+        said, fault = ", the canonical form", _not_canonical(L, kind, slack)
+        if fault:
+            swapped = not _not_canonical(other, kind, slack)
+            said = f" is not the canonical form: {fault}"
+            said += " (S A S⁻¹ is: S and S⁻¹ have changed places)" * swapped
+        remarks.append((not fault, f"S⁻¹ A S = {rows(np.where(np.abs(L) < slack, 0.0, L))}{said}"))
     return Review(tuple(remarks))
+
+
+def clean(M: np.ndarray) -> np.ndarray:
+    """clean(M) -> without what is rounding beside the largest entry, and without −0."""
+    return np.where(np.abs(M) < 1e-12 * np.abs(M).max(), 0.0, M) + 0.0
+
+
+def pair(v: np.ndarray) -> str:
+    return "({:.4g}, {:.4g})".format(*clean(v))
+
+
+def rows(M: np.ndarray) -> str:
+    return "[[{:.4g}, {:.4g}], [{:.4g}, {:.4g}]]".format(*clean(M).ravel())
 
 
 def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
@@ -289,45 +288,35 @@ def _form(S: np.ndarray, by: str, tolerance: float) -> tuple[bool, str]:
     """
     N, slack = S - E, tolerance * max(1.0, float(np.abs(S).max())) ** 2
     d, rest = float(np.trace(N)), float(N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0])
-    note = (
-        " (S = E changes nothing: choose another one to see something)"
-        if np.abs(N).max() <= slack
-        else ""
-    )
+    note = " (S = E changes nothing: choose another one to see something)"
+    note *= bool(np.abs(N).max() <= slack)
     if by in ("reflection", "rotation"):
         if np.abs(S.T @ S - E).max() > slack:
-            return (
-                False,
+            return False, (
                 f"S is no {by}: its columns are not unit vectors at right angles, "
-                f"SᵀS = {np.round(S.T @ S, 4).tolist()}",
+                f"SᵀS = {np.round(S.T @ S, 4).tolist()}"
             )
-        turns = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0] > 0
-        return turns == (
-            by == "rotation"
-        ), f"S is a {'rotation' if turns else 'reflection'} (det S = {1 if turns else -1})" + note
+        turns = bool(S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0] > 0)
+        made, det = ("rotation", 1) if turns else ("reflection", -1)
+        return made == by, f"S is a {made} (det S = {det}){note}"
     if abs(rest) > slack:
         return False, f"S is not E + u vᵀ: S − E would have determinant 0, and has {rest:.4g}"
     if by == "matrix A":
-        zero = abs(d) <= slack
-        return zero, f"S = E + u vᵀ with (u, v) = {0 if zero else d:.4g}" + (
-            note if zero else ", which matrix A needs to be 0 (this is matrix B)"
-        )
-    return abs(1 + d) > slack, f"S = E + u vᵀ with d = (u, v) = {d:.4g}" + (
-        note if abs(1 + d) > slack else ": no inverse exists"
-    )
+        if abs(d) <= slack:
+            return True, f"S = E + u vᵀ with (u, v) = 0{note}"
+        needs = "which matrix A needs to be 0 (this is matrix B)"
+        return False, f"S = E + u vᵀ with (u, v) = {d:.4g}, {needs}"
+    good = abs(1 + d) > slack
+    return good, f"S = E + u vᵀ with d = (u, v) = {d:.4g}{note if good else ': no inverse exists'}"
 
 
 def _not_canonical(L: np.ndarray, kind: str, slack: float) -> str:
     """What is wrong with L as the canonical form of this kind; "" when nothing is."""
     (w, x), (y, z) = L.tolist()
     if "spiral" in kind or kind == "centre":
-        return (
-            ""
-            if abs(w - z) <= slack and abs(x + y) <= slack
-            else "it should read [[α, β], [−β, α]]"
-        )
+        turns = abs(w - z) <= slack and abs(x + y) <= slack
+        return "" if turns else "it should read [[α, β], [−β, α]]"
     if abs(x) > slack:
         return f"the upper right entry is {x:.4g} and should be 0"
-    if "improper" in kind:
-        return "" if abs(y - 1) <= slack else f"the lower left entry is {y:.4g} and should be 1"
-    return "" if abs(y) <= slack else f"the lower left entry is {y:.4g} and should be 0"
+    goal = int("improper" in kind)
+    return "" if abs(y - goal) <= slack else f"the lower left entry is {y:.4g} and should be {goal}"

@@ -19,7 +19,7 @@ import numpy as np
 
 from .arguments import asked
 from .exports import frame, lines
-from .model import ModelError, System, listed
+from .model import ModelError, System, check_names, listed, number
 from .portions import Lane, Measure, Task, portions
 from .progress import Progress
 from .run import Ended, write_whole
@@ -76,8 +76,7 @@ class Sweep:
 
     @asked
     def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self.results:
-            raise ModelError(f"the sweep has no result {name!r}; it has {listed(self.results)}")
+        check_names([name], self.results, "the sweep has no result {}")
         return self.results[name]
 
     @asked
@@ -114,14 +113,19 @@ class Sweep:
         return write_whole(path, lines(heads, zip(*columns.values(), strict=True)))
 
     def columns(self) -> dict[str, list]:
-        """m.columns() -> {"d": […], "R": […], result: […], "reason": […]}, a value for each run."""
+        """m.columns() -> {"d": […], "R": […], result: […], "reason": […]}, a value for each run.
+
+        A result with the name of another column is called "d of the run".
+        """
         places = list(np.ndindex(self.shape))
         made = {
             name: [axis[place[k]].item() for place in places]
             for k, (name, axis) in enumerate(self.axes.items())
         }
         for name, result in self.results.items():
-            made[name or self.name or "value"] = result.ravel().tolist()
+            name = name or self.name or "value"
+            taken = name in made or name == "reason"
+            made[f"{name} of the run" if taken else name] = result.ravel().tolist()
         return {**made, "reason": [self.reasons.get(place, "") for place in places]}
 
     def to_frame(self) -> Any:
@@ -130,10 +134,9 @@ class Sweep:
 
     def __repr__(self) -> str:
         grid = " × ".join(f"{len(axis)} {name}" for name, axis in self.axes.items())
-        first = next(iter(self.reasons.items()), None)
-        lost = (
-            f"; {len(self.reasons)} without a result, first {first[0]}: {first[1]}" if first else ""
-        )
+        lost = ""
+        for place, why in list(self.reasons.items())[:1]:
+            lost = f"; {len(self.reasons)} without a result, first {place}: {why}"
         return f"Sweep of {self.system.name!r}: {grid}{lost}"
 
 
@@ -156,7 +159,7 @@ def sweep(
                name -> such a thing
     names      parameters, states (their start) or options of `simulate_many`. A sequence of numbers
                is an axis, one to three of them; a single number holds for all. Of the options,
-               method, rtol, atol, step, max_step and locate may be an axis
+               method, rtol, atol, step, max_step, locate and backend may be an axis
     start      as in `simulate_many`; a value may be a function of the parameters, f(p)
     executor   any Executor of concurrent.futures; left out, compiled runs are shared out over the
                processors by themselves. To other processes the model goes pickled: its functions
@@ -176,39 +179,38 @@ def sweep(
     shape = tuple(map(len, axes.values()))
     total = int(np.prod(shape))
     found: list[Lane] = [(None, "not computed: interrupted")] * total
-    grids = np.meshgrid(*map(np.arange, shape), indexing="ij")
-    places = dict(zip(axes, (grid.ravel() for grid in grids), strict=True))
+    places = dict(zip(axes, np.indices(shape).reshape(len(shape), total), strict=True))
     choices = [name for name in axes if name in CHOICES]
     jobs = []
     for chosen in itertools.product(*(range(len(axes[name])) for name in choices)):
         mine = np.ones(total, dtype=bool)
+        how = dict(options)
         for name, k in zip(choices, chosen, strict=True):
             mine &= places[name] == k
-        how = {name: axes[name][k].item() for name, k in zip(choices, chosen, strict=True)}
-        jobs.append((np.flatnonzero(mine), options | how))
-        rest = {k: v for k, v in (OPTIONS | options | how).items() if k not in ("mode", "workers")}
+            how[name] = axes[name][k].item()
+        jobs.append((np.flatnonzero(mine), how))
+        rest = {k: v for k, v in (OPTIONS | how).items() if k not in ("mode", "workers")}
         Options(system, horizon, **rest, dense=False)  # type: ignore[arg-type]  # what is wrong in all lanes
     columns = {name: axes[name][places[name]] for name in axes if name not in choices} | fixed
     task = Task(system, horizon, measure, tuple(accept), start)
+    interrupted = None
     with Progress(total, "runs", progress) as shown:
         try:
             for which, lanes in portions(task, columns, jobs, executor):
                 for lane, result in zip(which.tolist(), lanes, strict=True):
                     found[lane] = result
                 shown.add(len(which))
-        except KeyboardInterrupt:
-            if all(result is None for result, _ in found):
-                raise
+        except KeyboardInterrupt as error:
+            interrupted = error
     if all(result is None for result, _ in found):
-        raise ModelError(f"no run of the sweep gave a result. The first: {found[0][1]}")
+        raise interrupted or ModelError(
+            f"no run of the sweep gave a result. The first: {found[0][1]}"
+        )
     name = getattr(measure, "__name__", "").strip("<>").replace("_", " ")
     units = {name: system.unit(name) for name in axes if name not in OPTIONS}
     units |= {name: system.time for name in ("step", "max_step") if name in axes}
-    reasons = {
-        tuple(map(int, np.unravel_index(lane, shape))): why
-        for lane, (result, why) in enumerate(found)
-        if result is None
-    }
+    ends = zip(np.ndindex(shape), found, strict=True)
+    reasons = {place: why for place, (result, why) in ends if result is None}
     kept = _arrays([result for result, _ in found], shape)
     return Sweep(system, axes, kept, reasons, "" if name == "lambda" else name, units)
 
@@ -221,29 +223,22 @@ def _sorted(
     axes: dict[str, np.ndarray] = {}
     fixed: dict[str, float] = {}
     options: dict[str, object] = {}
-    begin = dict(start)
-    for name in [name for name, what in begin.items() if np.ndim(what) == 1]:  # type: ignore[arg-type]
-        if name in names:
-            raise ModelError(f"{name!r} stands both in start and among the names: give it once")
-        names = {**names, name: begin.pop(name)}
-    for name, what in names.items():
+    check_names(start, system.units, "start names the unknown state(s) {}")
+    if twice := [name for name in start if name in names]:
+        raise ModelError(f"{listed(twice)} stands both in start and among the names: give it once")
+    spread = {name: what for name, what in start.items() if _rows(name, what) == 1}
+    begin = {name: what for name, what in start.items() if name not in spread}
+    own = f"nor a state of {system.name!r}, nor an option of simulate_many"
+    check_names(names, [*known, *OPTIONS], f"{{}} is neither a parameter {own}")
+    for name, what in {**names, **spread}.items():
         option = name in OPTIONS
         if name in known and (option or name in OWN):
             kind = "parameter" if name in system.parameters else "state"
             raise ModelError(
                 f"{name!r} is both an option and a {kind} of {system.name!r}: rename the {kind}"
             )
-        if not option and name not in known:
-            raise ModelError(
-                f"{name!r} is neither a parameter nor a state of {system.name!r}, nor an option of "
-                f"simulate_many; there are {listed(known)}"
-            )
-        try:
-            many = np.ndim(what) > 0  # type: ignore[arg-type]
-        except ValueError:  # rows of different lengths
-            raise ModelError(f"{name!r} must be numbers in one row, not {what!r:.60}") from None
-        is_axis = many and (not option or name in CHOICES)
-        if is_axis and not isinstance(what, Mapping):
+        is_axis = not option or name in CHOICES
+        if is_axis and _rows(name, what):
             axes[name] = _axis(system, name, what)
         elif option:
             options[name] = what
@@ -254,13 +249,15 @@ def _sorted(
             f"a sweep has one to three axes, here {len(axes)} ({listed(axes)}): give sequences of "
             "values, d=np.linspace(0.1, 0.9, 17)"
         )
-    if twice := [name for name in begin if name in fixed or name in axes]:
-        raise ModelError(f"{listed(twice)} stands both in start and among the names: give it once")
-    if unknown := [name for name in begin if name not in system.units]:
-        raise ModelError(
-            f"start names the unknown state(s) {listed(unknown)}; there are {listed(system.units)}"
-        )
     return axes, fixed, options, begin
+
+
+def _rows(name: str, what: Any) -> int:
+    """The dimensions of an array, 1 for a row; ModelError for rows of different lengths."""
+    try:
+        return np.ndim(what)
+    except ValueError:
+        raise ModelError(f"{name!r} must be numbers in one row, not {what!r:.60}") from None
 
 
 def _axis(system: System, name: str, what: object) -> np.ndarray:
@@ -278,10 +275,7 @@ def _checked(system: System, name: str, value: object) -> float:
     """A value of a parameter, in its range, or of a state."""
     if name in system.parameters:
         return system.parameters[name].check(name, value)
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise ModelError(f"start of {name!r} must be a number, not {value!r:.60}") from None
+    return number(value, f"start of {name!r}")
 
 
 def _arrays(found: list[Mapping[str, object] | None], shape: tuple[int, ...]) -> dict:
@@ -289,12 +283,10 @@ def _arrays(found: list[Mapping[str, object] | None], shape: tuple[int, ...]) ->
     made = {}
     for name in dict.fromkeys(name for result in found for name in result or ()):
         column = [(result or {}).get(name) for result in found]
+        kind: Any = object
         if all(value is None or isinstance(value, float) for value in column):
-            values = np.array([np.nan if value is None else value for value in column])
+            kind = float  # of None: NaN
         elif all(isinstance(value, bool) for value in column):
-            values = np.array(column)
-        else:
-            values = np.empty(len(column), dtype=object)
-            values[:] = column
-        made[name] = values.reshape(shape)
+            kind = bool
+        made[name] = np.array(column, dtype=kind).reshape(shape)
     return made

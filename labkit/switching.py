@@ -34,39 +34,42 @@ class Builder:
         self.made, self.law, self.states = made, law, states
         self.x, self.v = states[:2]
         self.rates = {
-            way: [self._flow(piece) for piece in branch.pieces]
-            for way, branch in ((1, made.rising), (-1, made.falling))
+            way: [f"law(t, s, p, {self._value(piece)})" for piece in made.branch(way).pieces]
+            for way in (1, -1)
         }
 
     def _made(self, text: str) -> Callable:
         """A function of (t, s, p) from the text of what it returns."""
-        return function(f"lambda t, s, p: {text}", law=self.law)
+        return function(f"lambda t, s, p: {text}", law=self.law, held=held)
 
     def _value(self, piece: str) -> str:
         return f"({python(piece, {'x': f's.{self.x}'})})"
-
-    def _flow(self, piece: str) -> str:
-        return f"law(t, s, p, {self._value(piece)})"
 
     def _push(self, way: int, place: int) -> str:
         """The text of the acceleration on a piece."""
         return f"{self.rates[way][place]}[1]"
 
-    def _edge(self, text: str) -> str:
-        return python(text, {})
+    def _pushes(self, way: int) -> list[Callable]:
+        return [self._made(f"{rates}[1]") for rates in self.rates[way]]
 
     def _name(self, way: int, place: int) -> str:
         if self.made.memory:
             return f"F = {self.made.rising.pieces[place]}"
-        branch = self.made.rising if way > 0 else self.made.falling
-        region = branch.region(place, self.x)
-        if not self.made.hysteresis:
-            return region
-        return f"{'→' if way > 0 else '←'} {region}"
+        region = self.made.branch(way).region(place, self.x)
+        return f"{'→' if way > 0 else '←'} {region}" if self.made.hysteresis else region
+
+    def _modes(self, way: int) -> list[Mode]:
+        """One for each piece of a branch."""
+        return [
+            Mode(self._name(way, k), self._made(rates), meaning=f"F = {piece}")
+            for k, (rates, piece) in enumerate(
+                zip(self.rates[way], self.made.branch(way).pieces, strict=True)
+            )
+        ]
 
     def _rest(self, one: str, two: str) -> Callable:
         """The flow at rest: input and rate stand still, other states go on, with F in balance."""
-        law = f"law(t, s, p, {self._balance(one, two)})"
+        law = f"law(t, s, p, {self._at_rest(one, two)})"
         more = "".join(f", {law}[{k}]" for k in range(2, len(self.states)))
         return self._made(f"(0.0, 0.0{more})")
 
@@ -92,31 +95,24 @@ class Builder:
 
     def _crossing(self, way: int, k: int, one: int, two: int, **more: Any) -> Transition:
         """From a piece to its neighbour, over break point k of a branch, upwards or downwards."""
-        branch = self.made.rising if way > 0 else self.made.falling
-        up = two > one
+        up, edge = two > one, self.made.branch(way).edges[k]
         return Transition(
             self._name(way, one),
             self._name(way, two),
-            guard=self._made(f"s.{self.x} - ({self._edge(branch.edges[k])})"),
+            guard=self._made(f"s.{self.x} - ({python(edge, {})})"),
             direction=1 if up else -1,
-            label=f"{'up' if up else 'down'} through {branch.edges[k]}",
+            label=f"{'up' if up else 'down'} through {edge}",
             **more,
         )
 
     def _crossings(self, way: int) -> list[Transition]:
         """Over all break points of a branch, the way that it is gone."""
-        count = len((self.made.rising if way > 0 else self.made.falling).edges)
-        places = [(k, k + 1)[::way] for k in range(count)]
-        return [self._crossing(way, k, *pair) for k, pair in enumerate(places)]
+        count = len(self.made.branch(way).edges)
+        return [self._crossing(way, k, *(k, k + 1)[::way]) for k in range(count)]
 
     def _one_branch(self) -> tuple[list[Mode], list[Transition], Callable]:
-        branch, jumps = self.made.rising, self._jumps()
-        modes = [
-            Mode(self._name(1, k), self._made(text), meaning=f"F = {branch.pieces[k]}")
-            for k, text in enumerate(self.rates[1])
-        ]
-        transitions = []
-        for k, edge in enumerate(branch.edges):
+        jumps, modes, transitions = self._jumps(), self._modes(1), []
+        for k, edge in enumerate(self.made.rising.edges):
             rest = self._rest_name(k)
             calm = {"zeno": rest} if k in jumps else {}
             transitions += [
@@ -126,19 +122,12 @@ class Builder:
             if k in jumps:
                 flow = self._rest(*self._beside(k))
                 modes.append(Mode(rest, flow, meaning="F lies within the jump"))
-                on = {self.x: self._made(f"0.0 * s.{self.x} + ({self._edge(edge)})")}
+                on = {self.x: self._made(f"0.0 * s.{self.x} + ({python(edge, {})})")}
                 for place, way in ((k + 1, 1), (k, -1)):
-                    transitions.append(
-                        Transition(
-                            rest,
-                            self._name(1, place),
-                            guard=self._made(self._push(1, place)),
-                            direction=way,
-                            reset=on,
-                            label=f"leaves {edge} to the {'right' if way > 0 else 'left'}",
-                        )
-                    )
-        push = [self._made(self._push(1, k)) for k in range(len(branch.pieces))]
+                    label = f"leaves {edge} to the {'right' if way > 0 else 'left'}"
+                    guard, side = self._made(self._push(1, place)), self._name(1, place)
+                    transitions.append(Transition(rest, side, guard, way, on, label))
+        push = self._pushes(1)
 
         def first(t: float, s: Any, p: Any) -> str:
             self.made.check(p)
@@ -160,39 +149,20 @@ class Builder:
 
     def _two_branches(self) -> tuple[list[Mode], list[Transition], Callable]:
         modes, transitions, rest = [], [], "at rest"
-        for way, branch in self.made.branches:
-            count, names = len(branch.pieces), []
-            for k in range(count):
-                names.append(self._name(way, k))
-                flow = self._made(self.rates[way][k])
-                modes.append(Mode(names[-1], flow, meaning=f"F = {branch.pieces[k]}"))
+        for way in (1, -1):
+            own = self._modes(way)
+            names = tuple(mode.name for mode in own)
+            modes += own
+            stop = {"guard": self._made(f"s.{self.v}"), "reset": {self.v: 0.0}, "label": "stop"}
             transitions += self._crossings(way)
-            transitions.append(
-                Transition(
-                    tuple(names),
-                    rest,
-                    guard=self._made(f"s.{self.v}"),
-                    direction=-way,
-                    reset={self.v: 0.0},
-                    label="stop",
-                )
-            )
+            transitions.append(Transition(names, rest, direction=-way, **stop))
+            label = f"off to the {'right' if way > 0 else 'left'}"
             for k, name in enumerate(names):
-                transitions.append(
-                    Transition(
-                        rest,
-                        name,
-                        guard=self._made(self._on_piece(way, k)),
-                        direction=way,
-                        label=f"off to the {'right' if way > 0 else 'left'}",
-                    )
-                )
+                guard = self._made(self._on_piece(way, k))
+                transitions.append(Transition(rest, name, guard, way, label=label))
         flow = self._rest(*(self._nested(branch) for _, branch in self.made.branches))
         modes.append(Mode(rest, flow, meaning="F lies within the loop"))
-        push = {
-            way: [self._made(self._push(way, k)) for k in range(len(branch.pieces))]
-            for way, branch in self.made.branches
-        }
+        push = {way: self._pushes(way) for way in (1, -1)}
 
         def first(t: float, s: Any, p: Any) -> str:
             self.made.check(p)
@@ -211,20 +181,18 @@ class Builder:
 
     def _on_piece(self, way: int, k: int) -> str:
         """The acceleration on a piece, where the place is on that piece; else away from leaving."""
-        branch = self.made.rising if way > 0 else self.made.falling
         x, less = f"s.{self.x}", ("<=", "<") if way > 0 else ("<", "<=")
-        low = f"{self._edge(branch.edges[k - 1])} {less[0]} {x}" if k else ""
-        high = f"{x} {less[1]} {self._edge(branch.edges[k])}" if k < len(branch.edges) else ""
-        where = " and ".join(filter(None, (low, high)))
+        low, high = (end and python(end, {}) for end in self.made.branch(way).spans()[k])
+        inside = (low and f"{low} {less[0]} {x}", high and f"{x} {less[1]} {high}")
+        where = " and ".join(filter(None, inside))
         push = self._push(way, k)
         return f"({push} if {where} else {-float(way)})" if where else push
 
     def with_memory(self) -> tuple[list[Mode], list[Transition], Callable]:
         """The output changes at the break points only: modes are its values."""
         names = [self._name(1, k) for k in range(len(self.made.rising.pieces))]
-        modes = [
-            Mode(name, self._made(text)) for name, text in zip(names, self.rates[1], strict=True)
-        ]
+        flows = map(self._made, self.rates[1])
+        modes = [Mode(*each) for each in zip(names, flows, strict=True)]
         transitions = [*self._crossings(1), *self._crossings(-1)]
 
         def first(t: float, s: Any, p: Any) -> str:
@@ -238,28 +206,25 @@ class Builder:
 
     def outputs(self) -> dict[str, Callable]:
         """Name of a mode -> its F."""
-        made, value = self.made, self._value
-        if made.memory:
-            pieces = made.rising.pieces
-            return {self._name(1, k): self._made(value(what)) for k, what in enumerate(pieces)}
+        made = self.made
         found = {
-            self._name(way, k): self._made(value(piece))
+            self._name(way, k): self._made(self._value(piece))
             for way, branch in made.branches
             for k, piece in enumerate(branch.pieces)
         }
-        if made.hysteresis:
+        if made.hysteresis and not made.memory:
             up, down = (self._nested(branch) for _, branch in made.branches)
-            found["at rest"] = self._made(self._held(up, down))
-        else:
+            found["at rest"] = self._made(self._at_rest(up, down))
+        elif not made.memory:
             for k in self._jumps():
-                found[self._rest_name(k)] = self._made(self._held(*self._beside(k)))
+                found[self._rest_name(k)] = self._made(self._at_rest(*self._beside(k)))
         return found
 
     def _nested(self, branch: Branch) -> str:
         """The text of a whole branch, for a place that is not known beforehand."""
         text = self._value(branch.pieces[-1])
         for edge, piece in zip(reversed(branch.edges), reversed(branch.pieces[:-1]), strict=True):
-            text = f"({self._value(piece)} if s.{self.x} < {self._edge(edge)} else {text})"
+            text = f"({self._value(piece)} if s.{self.x} < {python(edge, {})} else {text})"
         return text
 
     def _beside(self, k: int) -> tuple[str, str]:
@@ -267,15 +232,17 @@ class Builder:
         left, right = (self._value(piece) for piece in self.made.rising.pieces[k : k + 2])
         return right, left
 
-    def _held(self, one: str, two: str) -> str:
-        """The text of F at rest: the balance, and at a mere turn what is nearest to it."""
-        low, high = f"min({one}, {two})", f"max({one}, {two})"
-        return f"min(max({self._balance(one, two)}, {low}), {high})"
-
-    def _balance(self, one: str, two: str) -> str:
-        """The text of the F at which the law, linear in F, has no acceleration."""
+    def _at_rest(self, one: str, two: str) -> str:
+        """The text of F at rest between two values."""
         if self.law is None:
             return f"(0.5 * ({one} + {two}))"
-        law = "law(t, s, p, {})[1]"
-        a, b = law.format(one), law.format(two)
-        return f"({one} if {a} == {b} else {one} - {a} * ({two} - {one}) / ({b} - {a}))"
+        return f"held({one}, {two}, law(t, s, p, {one})[1], law(t, s, p, {two})[1])"
+
+
+def held(F_1: float, F_2: float, a_1: float, a_2: float) -> float:
+    """The F between F_1 and F_2 that holds a body at rest, or at a mere turn what is nearest to it.
+
+    Its acceleration is a_1 with F_1, a_2 with F_2, and linear between.
+    """
+    F = F_1 if a_1 == a_2 else F_1 - a_1 * (F_2 - F_1) / (a_2 - a_1)
+    return min(max(F, min(F_1, F_2)), max(F_1, F_2))

@@ -59,14 +59,13 @@ class Table:
     caption: str = ""
 
     def __post_init__(self) -> None:
+        def parts(what: Column) -> tuple:
+            return (what,) if isinstance(what, str) else tuple(what)
+
         columns = self.columns
         if isinstance(columns, Mapping):
-            columns = [
-                (head, what) if isinstance(what, str) else (head, *what)
-                for head, what in columns.items()
-            ]
-        full = [((what,) if isinstance(what, str) else tuple(what)) for what in columns]
-        full = [(*what, "", None)[:3] if len(what) == 1 else (*what, None)[:3] for what in full]
+            columns = [(head, *parts(what)) for head, what in columns.items()]
+        full = [(*what, *("", None)[len(what) - 1 :])[:3] for what in map(parts, columns)]
         rows = [tuple(row) for row in self.rows]
         for place, row in enumerate(rows):
             if len(row) != len(full):
@@ -96,12 +95,11 @@ class Table:
         side = ["right" if right else "left" for right in self._right(cells)]
 
         def row(what: list[str], tag: str, more: str = "") -> str:
-            pairs = zip(what, side, strict=True)
-            inner = "".join(
+            inner = (
                 f'<{tag}{more} style="text-align:{where}">{_rich(cell)}</{tag}>'
-                for cell, where in pairs
+                for cell, where in zip(what, side, strict=True)
             )
-            return f"<tr>{inner}</tr>"
+            return f"<tr>{''.join(inner)}</tr>"
 
         above = 'style="caption-side:top;text-align:left;font-weight:bold;color:inherit"'
         caption = f"<caption {above}>{_rich(self.caption)}</caption>\n" if self.caption else ""
@@ -116,16 +114,13 @@ class Table:
         return len(self.rows)
 
     def __repr__(self) -> str:
-        cells = self.cells
+        cells, lines = self.cells, [self.caption] if self.caption else []
         right, wide = self._right(cells), [max(map(len, c)) for c in zip(*cells, strict=True)]
-        lines = [
-            "  ".join(
-                cell.rjust(w) if end else cell.ljust(w)
-                for cell, w, end in zip(row, wide, right, strict=True)
-            ).rstrip()
-            for row in cells
-        ]
-        return "\n".join([self.caption, *lines] if self.caption else lines)
+        for row in cells:
+            places = zip(row, wide, right, strict=True)
+            words = (cell.rjust(w) if end else cell.ljust(w) for cell, w, end in places)
+            lines.append("  ".join(words).rstrip())
+        return "\n".join(lines)
 
 
 Table.__init__ = asked(Table.__init__)  # type: ignore[method-assign]
@@ -145,9 +140,9 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
 
 def _shown(values: list, unit: str, form: object, head: str) -> tuple[str, list[str]]:
     """The unit of a column, with its prefix, and its cells."""
-    numbers = [float(v) for v in values if _is_number(v) and math.isfinite(v)]
-    sizes = [abs(v) for v in numbers if v]
-    digits, write = form, None
+    numbers = [v for v in values if _is_number(v)]
+    sizes = [abs(float(v)) for v in numbers if v and math.isfinite(v)]
+    write = None
     if isinstance(form, str) and form != "<":
         write = form
         try:
@@ -157,17 +152,17 @@ def _shown(values: list, unit: str, form: object, head: str) -> tuple[str, list[
                 f"column {head!r} has the form {form!r}: give a number of digits, a format of "
                 'numbers like ".3f", or "<"'
             ) from None
-    elif form is None and sizes and all(isinstance(v, Integral) for v in values if _is_number(v)):
+    elif form is None and sizes and all(isinstance(v, Integral) for v in numbers):
         write = ".0f"
     elif form != "<":
         if not (form is None or (isinstance(form, Integral) and form > 0)):
             raise ModelError(f"column {head!r} has the form {form!r}: give a number of digits")
         if sizes and max(sizes) > WIDE * min(sizes):
-            write = f".{(digits or FEW) - 1}e"
+            write = f".{(form or FEW) - 1}e"
         elif sizes:
             scale, unit = prefixed(max(sizes), unit)
             values = [v / scale if _is_number(v) else v for v in values]
-            write = _decimals([size / scale for size in sizes], digits or DIGITS)
+            write = _decimals([size / scale for size in sizes], form or DIGITS)
     return unit, [_cell(v, write, form == "<") for v in values]
 
 

@@ -395,7 +395,17 @@ class Tracer:
 
     def _body(self, node: AppliedUndef) -> sp.Expr:
         definition = self.definitions[node.func.__name__]
-        return definition.e.xreplace(dict(zip(definition.formals, node.args, strict=True)))
+        put = dict(zip(definition.formals, node.args, strict=True))
+        if not isinstance(definition.e, sp.Piecewise):
+            return definition.e.xreplace(put)
+        cases = []  # but for what these arguments rule out: it may have no value, 0/0
+        for value, condition in definition.e.args:
+            condition = condition.xreplace(put)
+            if condition is not sp.false:
+                cases.append((value.xreplace(put), condition))
+            if condition is sp.true:
+                break
+        return sp.Piecewise(*cases)
 
     def rebind(self, value: Any, name: str = "", inline: bool = False) -> Any:
         """tracer.rebind(value) -> what a traced function sees in its place.

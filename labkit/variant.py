@@ -8,7 +8,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from .model import Held, Mode, ModelError, Output, Parameter, System, Transition, listed, named
+from .model import (
+    Held,
+    Mode,
+    ModelError,
+    Output,
+    Parameter,
+    System,
+    Transition,
+    check_names,
+    listed,
+    named,
+)
 
 __all__ = ["variant_of"]
 
@@ -18,18 +29,15 @@ def variant_of(
 ) -> System:
     """variant_of(system, name, parts of System by name or None, values of parameters) -> System."""
     values = named(values, "the parameters")
-    if both := [key for key, part in parts.items() if part is not None if key in system.P._fields]:
+    if both := [key for key in system.parameters if parts.get(key) is not None]:
         raise ModelError(
             f"{listed(both)} is a part of System and a parameter of {system.name!r}: for the "
             f"parameter say parameters={{{both[0]!r}: …}}; a part of that name cannot be given"
         )
-    if unknown := [key for key in values if key not in system.P._fields]:
-        raise ModelError(
-            f"{listed(unknown)} is neither a part of System nor a parameter of {system.name!r}; "
-            f"there are {listed(system.parameters)}"
-        )
+    said = f"{{}} is neither a part of System nor a parameter of {system.name!r}"
+    check_names(values, system.parameters, said)
     new_states = _changed(system.described, parts["states"], "states")
-    made = dict(_changed(system.parameters, parts["parameters"], "parameters"))
+    made = _changed(system.parameters, parts["parameters"], "parameters")
     for key, value in (made | values).items():
         if not isinstance(value, Parameter) and key in system.parameters:
             made[key] = replace(system.parameters[key], value=value)
@@ -38,8 +46,8 @@ def variant_of(
     gone = set(system.modes) - names
     kept = _changed_transitions(system.transitions, parts["transitions"], gone)
     shown = _changed(_outputs_without(system.outputs, gone), parts["outputs"], "outputs")
-    lasting = dict(_changed(system.held, parts["held"], "held"))
-    begin = dict(named(parts["start"] or {}, "start"))
+    lasting = _changed(system.held, parts["held"], "held")
+    begin = named(parts["start"] or {}, "start")
     for key in [key for key in begin if isinstance(lasting.get(key), Held)]:
         lasting[key] = replace(lasting[key], start=begin.pop(key))
     lost = {*system.held, *system.states} - {*new_states}
@@ -52,14 +60,9 @@ def variant_of(
 
 def _changed(old: Mapping, new: Mapping | None, what: str) -> dict:
     """The old with what the new names; None takes away. ModelError when there is no such thing."""
-    if not isinstance(new or {}, Mapping):
-        raise ModelError(f"{what} of a variant must be a dict of what changes, not {new!r:.60}")
-    made = {**old, **named(new or {}, what)}
-    if unknown := [key for key, value in made.items() if value is None and key not in old]:
-        raise ModelError(
-            f"the variant takes away {listed(unknown)}, which is not among the {what}; there are "
-            f"{listed(old)}"
-        )
+    made = {**old, **named(new or {}, f"{what} of a variant", "of what changes")}
+    gone = [key for key, value in made.items() if value is None]
+    check_names(gone, old, f"the variant takes away {{}}, which is not among the {what}")
     return {key: value for key, value in made.items() if value is not None}
 
 
@@ -69,11 +72,10 @@ def _changed_modes(old: Mapping[str, Mode], new: object) -> Sequence[Mode]:
         return new  # type: ignore[return-value]
     made = _changed(old, new, "modes")
     for key, value in made.items():
-        if isinstance(value, Mode):
-            if value.name != key:
-                raise ModelError(f"modes names {key!r}, but its Mode is called {value.name!r}")
-        else:
+        if not isinstance(value, Mode):
             made[key] = replace(old[key], flow=value) if key in old else Mode(key, value)
+        elif value.name != key:
+            raise ModelError(f"modes names {key!r}, but its Mode is called {value.name!r}")
     return list(made.values())
 
 
@@ -83,38 +85,33 @@ def _changed_transitions(
     """The transitions of a variant, without those that lead into modes that are gone."""
     if new is not None and not isinstance(new, Mapping):
         return new  # type: ignore[return-value]
-    named = _changed(dict.fromkeys((tr.name for tr in old), ()), new, "transitions")
+    there = dict.fromkeys((tr.name for tr in old), {})
+    changes = _changed(there, new, "transitions")
     kept: list[Transition] = []
     for tr in old:
-        change = named.get(tr.name)
+        change = changes.get(tr.name)
         if isinstance(change, Transition):
             kept += [change] if change not in kept else []
-        elif isinstance(change, Mapping | tuple):
-            fields = dict(change)
-            if unknown := [key for key in fields if key not in tr.__dataclass_fields__]:
-                raise ModelError(
-                    f"transition {tr.name!r} has no field {listed(unknown)}; there are "
-                    f"{listed(tr.__dataclass_fields__)}"
-                )
+        elif isinstance(change, Mapping):
+            check_names(
+                change, tr.__dataclass_fields__, f"transition {tr.name!r} has no field {{}}"
+            )
             sources = tuple(key for key in tr.sources if key not in gone)
             here = tr.source if sources == tr.sources else sources
             calm = None if tr.zeno in gone else tr.zeno
-            one = replace(tr, **{"source": here, "zeno": calm} | fields)
+            one = replace(tr, **{"source": here, "zeno": calm, **change})
             if one.sources and one.target not in gone:
                 kept.append(one)
-            elif fields:
+            elif change:
                 raise ModelError(f"transition {tr.name!r} is to change, but its mode is gone")
         elif change is not None:
             raise ModelError(
                 f"transition {tr.name!r} of a variant must be a Transition, a dict of its fields "
                 f"that change, or None, not {change!r:.60}"
             )
-    there = {tr.name for tr in old}
-    more = {key: each for key, each in named.items() if key not in there}
-    if unknown := [key for key, each in more.items() if isinstance(each, Mapping)]:
-        raise ModelError(
-            f"there is no transition {listed(unknown)} to change; there are {listed(there)}"
-        )
+    more = {key: each for key, each in changes.items() if key not in there}
+    fields = [key for key, each in more.items() if isinstance(each, Mapping)]
+    check_names(fields, there, "there is no transition {} to change")
     return [*kept, *more.values()]
 
 

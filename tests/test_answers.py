@@ -110,6 +110,7 @@ def test_what_a_report_lists(monkeypatch):
     }
     assert check(None, 1 - 2j)._repr_mimebundle_()[MIME]["right"] == "1-2j"
     assert check("so", {"so"})._repr_mimebundle_()[MIME]["right"] == "so"
+    assert check({"so", 1}, 1.0)._repr_mimebundle_()[MIME]["answer"] == "1, so"
     assert check(True, np.True_)._repr_mimebundle_()[MIME] == {
         "ok": True,
         "answer": "True",

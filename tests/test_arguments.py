@@ -244,10 +244,25 @@ def test_an_array_is_no_word():
 
 
 def test_an_error_inside_a_function_that_was_given_stays_what_it_is():
-    with pytest.raises(ZeroDivisionError):
-        labkit.section(run, lambda t, s, p: 1 / 0)
+    for direction in (0, 1.0):  # 1.0 is no whole number by its kind, but not the cause
+        with pytest.raises(ZeroDivisionError):
+            labkit.section(run, lambda t, s, p: 1 / 0, direction)
 
 
 def test_what_a_function_takes():
     assert takes(event, 3) and takes(math.sin, 1) and takes(print, 7) and not takes(event, 2)
     assert not takes("text", 1)
+
+
+def test_a_start_that_is_no_dict_is_not_passed_over():
+    for models in (linear, {"swing": swing, "linear": linear}):
+        with pytest.raises(ModelError, match="start"):
+            labkit.explore(models, 2.0, start=[1.0], backend="plain")
+
+
+def test_places_of_another_kind_are_said():
+    many = labkit.simulate_many(linear, 1.0, d=[0.1, 0.2], backend="plain")
+    with pytest.raises(ModelError, match=r"which of __getitem__ must be a whole number"):
+        many[[0, 1]]
+    with pytest.raises(ModelError, match="at must be a pair of finite numbers"):
+        labkit.check_design(matrix, (0, 0), np.eye(2), "stable spiral", "rotation", at=(1, 2, 3))

@@ -366,7 +366,7 @@ def test_names_may_be_put_for_names():
     "make, words",
     [
         (lambda: characteristic("relais"), "no characteristic 'relais'"),
-        (lambda: characteristic("relay", a=1), "has no 'a'; it has 'K'"),
+        (lambda: characteristic("relay", a=1), "has no 'a'; there are 'K'"),
         (lambda: characteristic("relay", K="1 +"), "no formula"),
         (lambda: characteristic("relay", K="__import__('os')"), "calls 'atan'"),
         (lambda: characteristic("relay", K="K.real"), "no formula"),
@@ -516,6 +516,7 @@ def test_a_formula_keeps_its_names():
         (lambda: characteristic("relay", K="1/0"), "divides by zero"),
         (lambda: characteristic("relay", K="K^2"), "no formula"),
         (lambda: characteristic("relay", K="atan(1, 2)"), "of one number"),
+        (lambda: characteristic("relay", K="pi(1)"), "calls 'atan', .* 'tanh' only"),
         (lambda: characteristic("relay", K="'abc'"), "no formula"),
         (lambda: characteristic("relay", K=None), "neither a number"),
         (lambda: characteristic("relay", K=math.nan), "neither a number"),
@@ -544,3 +545,32 @@ def test_a_curve_of_many_points_is_as_one_of_few():
     made, between = from_points(list(zip(x, np.sin(x), strict=True))), np.linspace(-1, 5, 77)
     assert made(between) == pytest.approx(np.interp(between, x, np.sin(x)), abs=1e-12)
     assert made(1.0) == pytest.approx(np.interp(1.0, x, np.sin(x)))
+
+
+def test_the_force_at_rest_is_a_short_formula():
+    """One helper with its cases, and not all of the law in each of them."""
+
+    def pulled(t, s, p, F):
+        return s.v, (p.h * sin(p.omega * t) - F - p.delta * s.v) / p.mu
+
+    springs = characteristic("two springs")
+    values = {"h": 1.0, "omega": 2.0, "delta": 0.1, "mu": 0.3, **parameters("two springs")}
+    values["c1"] = -1.0  # at L the force jumps from 0 to 1.5
+    model = System(
+        "springs",
+        {"x": "m", "v": "m/s"},
+        values,
+        start={"x": 1.0, "v": 0.0},
+        outputs={"F": springs.output(law=pulled)},
+        **springs.modes(pulled),
+    )
+    shown = equations(model)
+    (line,) = (
+        line for line in shown._repr_markdown_().splitlines() if line.endswith("(rest at L)}")
+    )
+    assert line.count("held") == 1 and len(line) < 300
+    held, symbols = shown.outputs["F"]["rest at L"], shown.states | shown.parameters
+    at = {symbols[name]: value for name, value in (values | {"x": 0.5, "v": 0.0}).items()}
+    for t in (0.1, 0.6, 2.0):
+        found = float(held.subs(at | {shown.t: t}))
+        assert found == pytest.approx(min(max(sin(2.0 * t), 0.0), 1.5))

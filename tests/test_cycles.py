@@ -171,6 +171,7 @@ def test_every_stop_of_a_pendulum_with_hysteresis_is_a_zero_of_its_speed(x):
         ((0.0,), "the period of a section must be positive, not 0"),
         (("x",), "the period of a section must be a number"),
         ((at_zero, 2), "direction is 1 .* not 2"),
+        ((0.5, 2), "direction is 1 .* not 2"),
     ],
 )
 def test_wrong_sections_are_refused(arguments, words):
@@ -550,7 +551,9 @@ def test_a_start_on_a_guard_is_moved_to_a_flight():
     ("call", "words"),
     [
         (lambda: periodic(vdp, at_zero), "say how long to look for returns to it, horizon="),
-        (lambda: periodic(vdp, -1.0), "the period must be positive, not -1"),
+        (lambda: periodic(vdp, -1.0, settle=np.int64(2)), "the period must be positive, not -1"),
+        (lambda: periodic(vdp, -1.0, settle=-2), "settle must be a whole number"),
+        (lambda: periodic(vdp, at_zero, horizon=9.0, direction=0), "direction is 1 .* not 0"),
         (lambda: periodic(vdp, at_zero, horizon=1.0), "crosses the section 0 times, but 3"),
         (lambda: periodic(damped, at_zero, horizon=90.0), "is at rest, not a cycle"),
         (lambda: periodic(damped, 3.0), "is at rest, not a cycle"),

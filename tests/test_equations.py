@@ -472,9 +472,25 @@ def test_parameter_table():
     assert [row[3] for row in parameter_table(big).rows] == ["1e+20", "6.6743e−11", "101325", "−1"]
 
 
+def test_a_case_of_a_helper_that_has_no_value_for_its_arguments_is_left_out():
+    def share(a, b, c):
+        return a if b == c else min((a - b) / (b - c), 1.0)
+
+    made = System(
+        "shares",
+        {"x": "", "y": ""},
+        modes=[Mode("m", lambda t, s, p: (share(s.x, s.x, s.x), share(s.x, s.y, s.x)))],
+        start={"x": 1.0, "y": 2.0},
+    )
+    found = equations(made)
+    x, y = found.states.values()
+    assert found.flows["m"]["x"] == x
+    assert found.flows["m"]["y"].subs({x: 1, y: 3}) == -1
+
+
 @pytest.mark.parametrize("wrong", [equations, jacobian, parameter_table, mode_diagram])
 def test_only_a_system_has_equations(wrong):
-    with pytest.raises(ModelError, match="takes a System, not str"):
+    with pytest.raises(ModelError, match="system of .* must be a System, not .ball."):
         wrong("ball")
 
 

@@ -74,7 +74,7 @@ REFUSED = {
     ),
     "state t": (
         lambda: system(states={"t": "s"}),
-        "a state cannot be called 't': that is the time",
+        "state of the system 't' has the name of the time",
     ),
     "one state in two units": (
         lambda: system(modes=[Mode("a", flow), Mode("b", flow, states={"x": "cm"})]),
@@ -86,7 +86,7 @@ REFUSED = {
     ),
     "parameter is an option": (
         lambda: system(parameters={"rtol": 1}),
-        r"parameter 'rtol' is named like an option of simulate: rename it \(for example rtol_\)",
+        "parameter 'rtol' has the name of an option of simulate: give it another, rtol_ for",
     ),
     "parameter is a word": (
         lambda: system(parameters={"k": "stiff"}),
@@ -127,7 +127,7 @@ REFUSED = {
     "state with half a pair": (lambda: system(states={"x": ("m",)}), "needs a unit, or"),
     "state mode": (
         lambda: system(states={"mode": ""}),
-        "a state cannot be called 'mode': every run has a column of that name",
+        "state of the system 'mode' has the name of a column of every run",
     ),
     "parameters are a list": (
         lambda: system(parameters=["k"]),
@@ -139,7 +139,7 @@ REFUSED = {
     ),
     "parameter like a mode's own state": (
         lambda: system(parameters={"v": 1}, modes=TWO),
-        "mode 'b' has a state with the name of the parameter 'v'",
+        "state of mode 'b' 'v' has the name of a parameter",
     ),
     "parameter t": (lambda: system(parameters={"t": 1}), "parameter 't' has the name of the time"),
     "empty range": (
@@ -161,11 +161,11 @@ REFUSED = {
     ),
     "output like a parameter": (
         lambda: system(outputs={"k": Output(guard)}),
-        "output 'k' has the name of a state, a parameter",
+        "output 'k' has the name of a parameter",
     ),
     "output called mode": (
         lambda: system(outputs={"mode": Output(guard)}),
-        "or a column of every run",
+        "output 'mode' has the name of a column of every run",
     ),
     "mode is a function": (
         lambda: system(modes=[flow]),
@@ -220,11 +220,11 @@ REFUSED = {
     ),
     "output like a state": (
         lambda: system(outputs={"x": Output(guard)}),
-        "output 'x' has the name of a state, a parameter or a column of every run: give it another",
+        "output 'x' has the name of a state: give it another",
     ),
     "output called t": (
         lambda: system(outputs={"t": Output(guard)}),
-        "output 't' has the name of a state",
+        "output 't' has the name of the time",
     ),
     "output of an unknown mode": (
         lambda: system(outputs={"F": Output({"c": guard, "a": guard})}),
@@ -257,6 +257,14 @@ REFUSED = {
     "guard takes two": (
         leaving(guard=lambda t, s: s.x),
         r"the guard of transition 'a → b' must be a function of \(t, s, p\), not <function",
+    ),
+    "reset takes one": (
+        leaving(guard=guard, reset=lambda s: s),
+        r"the reset of transition 'a → b' must be a function of \(t, s, p\), not <function",
+    ),
+    "a part of a reset takes one": (
+        leaving(guard=guard, reset={"x": lambda s: 0.0}),
+        "the reset of transition 'a → b' for 'x' must be a function of",
     ),
     "reset is no function": (
         leaving(guard=guard, reset=(0.0,)),
@@ -294,6 +302,12 @@ REFUSED = {
         lambda: system(modes=TWO, transitions=[Transition("a", "a", guard=guard, zeno="b")]),
         "needs a reset: mode 'a' has the states 'x', mode 'b'",
     ),
+    "the zeno mode has other states than the target": (
+        lambda: system(
+            modes=TWO, transitions=[Transition("a", "a", guard=guard, reset=flow, zeno="b")]
+        ),
+        "'a → a' cannot pile up: mode 'a' has the states 'x', mode 'b' has 'y', 'v'",
+    ),
     "unknown parameter as delay": (
         leaving(guard=guard, delay="Td"),
         "transition 'a → b' names the unknown parameter 'Td'; there are 'k'",
@@ -317,6 +331,13 @@ def test_refused(case):
 def test_parameters_are_floats():
     values = system(parameters={"k": Parameter("2.5"), "m": 3}).values()
     assert values == (2.5, 3.0) and all(type(value) is float for value in values)
+
+
+def test_numbers_of_a_transition_and_bounds_may_be_written_as_text():
+    transition = Transition("a", "b", guard, 1, priority="3", tolerance="1e-3")
+    (made,) = system(transitions=[transition]).transitions
+    assert (made.priority, made.tolerance) == (3.0, 1e-3)
+    assert system(parameters={"k": Parameter(1.0, low="0", high="2")}).values({"k": 2}) == (2.0,)
 
 
 def test_one_transition_needs_no_list():
@@ -347,7 +368,7 @@ def test_refused_later():
 
 def test_every_option_is_refused_as_a_parameter():
     for name in OPTIONS:
-        with pytest.raises(ModelError, match="named like an option"):
+        with pytest.raises(ModelError, match="the name of an option"):
             system(parameters={name: 1.0})
 
 
@@ -483,6 +504,7 @@ def test_run_at_many_times():
     assert found["mode"].tolist() == ["a", "b", "b"]
     np.testing.assert_allclose(found["y"], [NAN, 20, 21])
     assert run.at(np.array([]))["x"].shape == (0,)
+    assert run.at([[0.5], [2.0]])["mode"].tolist() == [["a"], ["b"]]
     for wrong, words in (
         (3.01, "t = 3.01 lies outside the run, 0 … 3"),
         ([0, -1], "t = -1 lies outside"),
@@ -591,7 +613,12 @@ def test_frame(monkeypatch):
 def test_load_what_is_no_file_of_ours(tmp_path):
     (tmp_path / "text.npz").write_text("hello")
     np.save(tmp_path / "array.npy", np.zeros(3))
-    for name in ("text.npz", "array.npy", "missing.npz"):
+    (tmp_path / "empty.npz").touch()
+    np.savez_compressed(tmp_path / "whole.npz", t=np.arange(1000.0))
+    whole = (tmp_path / "whole.npz").read_bytes()
+    (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "torn.npz").write_bytes(whole[:60] + bytes(30) + whole[90:])
+    for name in ("text.npz", "array.npy", "missing.npz", "empty.npz", "half.npz", "torn.npz"):
         with pytest.raises(
             ModelError, match=f"{name}.*cannot be read.*a file that run.to_npz wrote"
         ):

@@ -103,7 +103,7 @@ def test_words_and_several_results():
     # the first swing goes down to −exp(−δπ/w)
     w = np.sqrt(1 - deltas**2)
     np.testing.assert_array_equal(m["low"][:, 0], np.exp(-deltas * np.pi / w) > 0.5)
-    with pytest.raises(ModelError, match="has no result 'high'; it has 'how', 'last', 'low'"):
+    with pytest.raises(ModelError, match="has no result 'high'; there are 'how', 'last', 'low'"):
         m["high"]
 
 
@@ -398,6 +398,7 @@ SWINGING = System(
         ({"x": [1.0], "start": {"x": [1.0]}}, "'x' stands both in start and among the names"),
         ({"x": [1.0, 2.0], "start": {"x": 5.0}}, "'x' stands both in start and among the names"),
         ({"delta": deltas, "start": {"y": 1.0}}, "start names the unknown state"),
+        ({"delta": deltas, "start": {"x": [[1], [1, 2]]}}, "'x' must be numbers in one row"),
     ],
 )
 def test_bad_input_is_refused(names, words):
@@ -409,7 +410,7 @@ def test_a_name_that_is_an_option_and_a_state_is_refused():
     with pytest.raises(ModelError, match="'rtol' is both an option and a state of 'clash'"):
         sweep(SWINGING, 1.0, ending, rtol=[1e-3])
     for name in ("executor", "progress", "accept"):
-        with pytest.raises(ModelError, match=f"parameter '{name}' is named like an option"):
+        with pytest.raises(ModelError, match=f"parameter '{name}' has the name of an option"):
             System("x", {"x": ""}, {name: 1.0}, [Mode("m", flow)], start={"x": 1.0})
     with pytest.raises(ModelError, match="must be a System, not 3"):
         sweep(3, 1.0, ending, a=[1])
@@ -559,3 +560,9 @@ def test_a_map_in_given_axes():
     three = sweep(oscillator, 1.0, ending, delta=deltas, omega=omegas, x=[0.9, 1.0])
     with pytest.raises(ModelError, match="three axes are maps side by side"):
         three.picture(axes=fig.axes[0])
+
+
+def test_a_result_with_the_name_of_an_axis_has_a_column_of_its_own():
+    m = sweep(oscillator, 0.1, lambda run: {"delta": 5.0}, delta=[0.1, 0.2], backend="plain")
+    columns = m.columns()
+    assert (columns["delta"], columns["delta of the run"]) == ([0.1, 0.2], [5.0, 5.0])
