@@ -19,9 +19,7 @@ Swap = Callable[[Any, str], Any]
 
 @lru_cache(maxsize=10_000)
 def names_in(code: CodeType) -> frozenset[str]:
-    """names_in(f.__code__) -> all names that f, and functions defined in it, may read from
-    outside.
-    """
+    """names_in(f.__code__) -> what f, and functions defined in it, may read from outside."""
     inner = (names_in(part) for part in code.co_consts if isinstance(part, CodeType))
     return frozenset(code.co_names).union(*inner)
 

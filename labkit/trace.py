@@ -2,15 +2,12 @@
 helper, no second copy.
 
     tracer = Tracer()
-    tracer.trace(flow, t, s, p)    # t, s.x, p.k are Quantity(sympy.Symbol("t")), …; a tuple of
-    expressions, or one expression
+    tracer.trace(flow, t, s, p)    # t, s.x, p.k are Quantity(sympy.Symbol("t")), …
 
 The function that is called is a copy whose globals are rebound: math, numpy and what was imported
-from them become SymPy's,
-helper functions become copies in turn. Numbers are Quantity objects, so SymPy itself is left alone.
-A comparison that is asked
-for its truth (if, and, or, while) follows a recorded path; all paths are walked and joined in a
-Piecewise.
+from them become SymPy's, helper functions become copies in turn. Numbers are Quantity objects, so
+SymPy itself is left alone. A comparison that is asked for its truth (if, and, or, while) follows a
+recorded path; all paths are walked and joined in a Piecewise.
 """
 
 from __future__ import annotations
@@ -23,6 +20,7 @@ import math
 import operator
 import types
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Real
@@ -70,9 +68,9 @@ def expression(value: object) -> sp.Expr:
 
 
 class _Path:
-    """One way through a function.
+    """One way through a function: the answers to give first, then True.
 
-    The answers to give first, then True; `taken` is what was asked and answered.
+    `taken` is what was asked and answered.
     """
 
     def __init__(self, prefix: list[tuple[Any, bool]]):
@@ -84,9 +82,8 @@ class _Path:
     def decide(self, condition: Any) -> bool:
         self.asked += 1
         if self.asked > MAX_QUESTIONS:
-            raise Untraceable(
-                "it makes too many comparisons: perhaps a loop that ends only for numbers"
-            )
+            why = "it makes too many comparisons: perhaps a loop that ends only for numbers"
+            raise Untraceable(why)
         if condition in self.known:
             return self.known[condition]
         answer = self.prefix[len(self.taken)][1] if len(self.taken) < len(self.prefix) else True
@@ -99,10 +96,7 @@ _PATH: contextvars.ContextVar[_Path] = contextvars.ContextVar("path")
 
 
 class Quantity:
-    """Quantity(expression).
-
-    Stands for a number in a traced function; arithmetic, comparisons, no value.
-    """
+    """Quantity(expression): stands for a number in a traced function; arithmetic, no value."""
 
     __array_ufunc__ = None  # so that np.float64(2.0) * quantity is left to us
     __hash__ = None  # type: ignore[assignment]
@@ -166,46 +160,33 @@ def _condition(value: object) -> Any:
     return value.condition if isinstance(value, Condition) else sp.Ne(expression(value), 0)
 
 
-def _operators() -> None:
-    def method(function: Callable, kind: type, swapped: bool = False) -> Callable:
-        def call(self: Quantity, other: object) -> Any:
-            try:
-                there = expression(other)
-            except TypeError:
-                return NotImplemented
-            return kind(function(there, self.e) if swapped else function(self.e, there))
+def _operator(function: Callable, kind: type = Quantity, swapped: bool = False) -> Callable:
+    def call(self: Quantity, other: object) -> Any:
+        try:
+            there = expression(other)
+        except TypeError:
+            return NotImplemented
+        return kind(function(there, self.e) if swapped else function(self.e, there))
 
-        return call
-
-    for name in ("add", "sub", "mul", "truediv", "pow", "mod", "floordiv"):
-        function = (
-            (lambda a, b: sp.floor(a / b))
-            if name == "floordiv"
-            else (lambda a, b: sp.Mod(a, b))
-            if name == "mod"
-            else getattr(operator, name)
-        )
-        setattr(Quantity, f"__{name}__", method(function, Quantity))
-        setattr(Quantity, f"__r{name}__", method(function, Quantity, swapped=True))
-    for name, function in {
-        "lt": sp.Lt,
-        "le": sp.Le,
-        "gt": sp.Gt,
-        "ge": sp.Ge,
-        "eq": sp.Eq,
-        "ne": sp.Ne,
-    }.items():
-        setattr(Quantity, f"__{name}__", method(function, Condition))
+    return call
 
 
-_operators()
+_ARITHMETIC = {
+    **{name: getattr(operator, name) for name in ("add", "sub", "mul", "truediv", "pow")},
+    "mod": lambda a, b: sp.Mod(a, b),
+    "floordiv": lambda a, b: sp.floor(a / b),
+}
+for _name, _function in _ARITHMETIC.items():
+    setattr(Quantity, f"__{_name}__", _operator(_function))
+    setattr(Quantity, f"__r{_name}__", _operator(_function, swapped=True))
+for _name in ("Lt", "Le", "Gt", "Ge", "Eq", "Ne"):
+    setattr(Quantity, f"__{_name.lower()}__", _operator(getattr(sp, _name), Condition))
 
 
 def _numbers(values: tuple) -> Iterator[sp.Expr]:
     """max(a, b) and max([a, b]) alike."""
-    return map(
-        expression, values[0] if len(values) == 1 and isinstance(values[0], Iterable) else values
-    )
+    alone = len(values) == 1 and isinstance(values[0], Iterable)
+    return map(expression, values[0] if alone else values)
 
 
 def _copysign(x: sp.Expr, y: sp.Expr) -> sp.Expr:
@@ -228,36 +209,19 @@ def _interp(x: sp.Expr, xs: Any, ys: Any) -> sp.Expr:
 
 # What becomes what, by name in builtins, math and numpy. Functions of plain numbers stay what they
 # are: see _lift.
+_ANGLES = ("sin", "cos", "tan", "sinh", "cosh", "tanh")
 _ELEMENTARY: dict[str, Callable] = {
     **{
         name: getattr(sp, name)
-        for name in [
-            "sin",
-            "cos",
-            "tan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "sqrt",
-            "exp",
-            "floor",
-            "erf",
-            "gamma",
-            "sign",
-        ]
+        for name in (*_ANGLES, "sqrt", "exp", "floor", "erf", "gamma", "sign")
     },
-    **{
-        f"{a}{name}": getattr(sp, f"a{name}")
-        for a in ("a", "arc")
-        for name in ["sin", "cos", "tan", "sinh", "cosh", "tanh"]
-    },
+    **{f"{a}{name}": getattr(sp, f"a{name}") for a in ("a", "arc") for name in _ANGLES},
     **dict.fromkeys(("atan2", "arctan2"), sp.atan2),
     **dict.fromkeys(("abs", "fabs", "absolute"), sp.Abs),
     **dict.fromkeys(("pow", "power", "float_power"), lambda a, b: a**b),
-    **dict.fromkeys(
-        ("mod", "remainder"), sp.Mod
-    ),  # numpy's; math.remainder is another function and stays untraceable
-    **dict.fromkeys(("fmod",), lambda a, b: a - b * _trunc(a / b)),
+    # NumPy's; math.remainder is another function and stays untraceable
+    **dict.fromkeys(("mod", "remainder"), sp.Mod),
+    "fmod": lambda a, b: a - b * _trunc(a / b),
     **dict.fromkeys(("trunc", "fix", "int"), _trunc),
     **dict.fromkeys(("float", "float64"), lambda x: x),
     **dict.fromkeys(("maximum", "fmax"), sp.Max),
@@ -274,16 +238,14 @@ _ELEMENTARY: dict[str, Callable] = {
     "hypot": lambda *x: sp.sqrt(sum(v**2 for v in x)),
     "copysign": _copysign,
     "heaviside": lambda x, middle: sp.Piecewise((0, x < 0), (middle, sp.Eq(x, 0)), (1, True)),
-    "degrees": lambda x: x * 180 / sp.pi,
-    "rad2deg": lambda x: x * 180 / sp.pi,
-    "radians": lambda x: x * sp.pi / 180,
-    "deg2rad": lambda x: x * sp.pi / 180,
+    **dict.fromkeys(("degrees", "rad2deg"), lambda x: x * 180 / sp.pi),
+    **dict.fromkeys(("radians", "deg2rad"), lambda x: x * sp.pi / 180),
     "clip": lambda x, low, high: sp.Min(sp.Max(x, low), high),
 }
 _SPECIAL: dict[str, Callable] = {
     "max": lambda *x: Quantity(sp.Max(*_numbers(x))),
     "min": lambda *x: Quantity(sp.Min(*_numbers(x))),
-    "fsum": lambda x: sum(x),
+    "fsum": sum,
     "bool": lambda x: x if isinstance(x, Condition) else x != 0,
     "where": lambda c, a, b: Quantity(
         sp.Piecewise((expression(a), _condition(c)), (expression(b), True))
@@ -302,9 +264,7 @@ def _symbolic(value: object) -> bool:
 
 
 def _lift(original: Callable, symbolic: Callable) -> Callable:
-    """Plain numbers go to the original, so that a constant stays the float that the model computes
-    with.
-    """
+    """Plain numbers go to the original: a constant stays the float that the model computes with."""
 
     @functools.wraps(original, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -314,19 +274,16 @@ def _lift(original: Callable, symbolic: Callable) -> Callable:
 
 
 def _table() -> dict[Any, Callable]:
-    table = {}
-    for module in (builtins, math, np):
-        for name, function in _ELEMENTARY.items():
-            if hasattr(module, name) and not (module is math and name == "remainder"):
-                original = getattr(module, name)
-                table[original] = _lift(
-                    original, lambda *args, f=function: Quantity(f(*map(expression, args)))
-                )
-        for name, function in _SPECIAL.items():
-            if hasattr(module, name):
-                original = getattr(module, name)
-                table[original] = _lift(original, function)
-    return table
+    elementary = {
+        name: lambda *args, f=function: Quantity(f(*map(expression, args)))
+        for name, function in _ELEMENTARY.items()
+    }
+    return {
+        original: _lift(original, symbolic)
+        for module in (builtins, math, np)
+        for name, symbolic in (elementary | _SPECIAL).items()
+        if (original := getattr(module, name, math.remainder)) is not math.remainder
+    }
 
 
 class _Module:
@@ -364,9 +321,8 @@ class Tracer:
     def __init__(self, states: Iterable[sp.Symbol] = ()) -> None:
         self.states = tuple(states)
         self.definitions: dict[str, Definition] = {}
-        self._copies: dict[
-            int, tuple[Any, Callable]
-        ] = {}  # id -> (the original, kept alive, and its stand-in)
+        # id -> (the original, kept alive, and its stand-in)
+        self._copies: dict[int, tuple[Any, Callable]] = {}
         self._table = _table()
 
     def trace(self, function: Callable, *args: Any) -> sp.Expr | tuple[sp.Expr, ...]:
@@ -375,8 +331,8 @@ class Tracer:
         Raises Untraceable with the reason.
         """
         try:
+            copy = self.rebind(function, inline=True)
             with distribute(False):  # 2*(x - a) stays as it was written
-                copy = self.rebind(function, inline=True)
                 return _explore(lambda: copy(*args))
         except Untraceable:
             raise
@@ -416,39 +372,31 @@ class Tracer:
         if isinstance(value, types.ModuleType):
             return _Module(value, self)
         if isinstance(value, functools.partial):
-            return functools.partial(
-                self.rebind(value.func, name, inline), *value.args, **value.keywords
-            )
+            inner = self.rebind(value.func, name, inline)
+            return functools.partial(inner, *value.args, **value.keywords)
         if isinstance(value, types.FunctionType):
-            return self._copy(value) if inline else self._helper(value, name)
+            if inline:
+                return rebound(value, self.rebind, self._copies)
+            return self._helper(value, name)
         try:
             return self._table.get(value, value)
         except TypeError:  # unhashable: a list, an array
             return value
-
-    def _copy(self, function: types.FunctionType) -> Callable:
-        return rebound(function, self.rebind, self._copies)
 
     def _helper(self, function: types.FunctionType, name: str) -> Callable:
         """A helper is traced with formal arguments.
 
         One with cases becomes a definition, any other is put in place.
         """
-        copy: list[Callable] = []
         label = (function.__name__ if function.__name__ != "<lambda>" else name) or "f"
 
         def call(*args: Any, **kwargs: Any) -> Any:
-            copy or copy.append(self._copy(function))
-            if not any(map(_symbolic, (*args, *kwargs.values()))):
-                return copy[0](*args, **kwargs)
-            try:
-                return self._define(label, function, copy[0], args, kwargs)
-            except (
-                Untraceable,
-                TypeError,
-                ValueError,
-            ):  # no numbers come out, or it needs to know its caller's path
-                return copy[0](*args, **kwargs)
+            copy = self.rebind(function, inline=True)
+            if any(map(_symbolic, (*args, *kwargs.values()))):
+                # else no numbers come out, or it needs to know its caller's path
+                with suppress(Untraceable, TypeError, ValueError):
+                    return self._define(label, function, copy, args, kwargs)
+            return copy(*args, **kwargs)
 
         return call
 
@@ -478,28 +426,21 @@ class Tracer:
         # that name.
         names = {symbol.name for symbol in result.free_symbols if symbol not in formals}
         if not formals and not shown:  # F(s, p): show what it depends on
-            formals, actual, shown = (
-                [x for x in self.states if x in result.free_symbols] for _ in range(3)
-            )
+            formals = shown = actual = [x for x in self.states if x in result.free_symbols]
         rename = {
             f: f if f.name in names or not isinstance(f, sp.Dummy) else sp.Symbol(f.name, real=True)
             for f in formals
         }
-        shown, formals, result = (
-            [rename.get(x, x) for x in shown],
-            list(rename.values()),
-            result.xreplace(rename),
-        )
-        for definition in self.definitions.values():
-            if (definition.name, definition.args, definition.e) == (label, tuple(shown), result):
+        result, args = result.xreplace(rename), tuple(rename.get(x, x) for x in shown)
+        alike = [d for d in self.definitions.values() if (d.name, d.args) == (label, args)]
+        for definition in alike:
+            if definition.e == result:
                 return Quantity(definition.function(*actual))
-        key = label + "′" * sum(
-            d.name == label and d.args == tuple(shown) for d in self.definitions.values()
-        )
+        key = label + "′" * len(alike)
         while key in self.definitions:
             key += "_"
         made = sp.Function(key, real=True)
-        self.definitions[key] = Definition(label, made, tuple(shown), tuple(formals), result)
+        self.definitions[key] = Definition(label, made, args, tuple(rename.values()), result)
         return Quantity(made(*actual))
 
 
@@ -511,14 +452,12 @@ def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:
         path = _Path(waiting.pop())
         token = _PATH.set(path)
         try:
-            leaves.append(
-                (_leaf(call()), [condition for condition, answer in path.taken if answer])
-            )
+            leaf = _leaf(call())
         finally:
             _PATH.reset(token)
-        new = range(
-            len(path.prefix), len(path.taken)
-        )  # from the first to the last new question: the last one's other answer is next
+        leaves.append((leaf, [condition for condition, answer in path.taken if answer]))
+        # From the first to the last new question: the last one's other answer is next
+        new = range(len(path.prefix), len(path.taken))
         waiting += [[*path.taken[:k], (path.taken[k][0], False)] for k in new]
         if len(leaves) + len(waiting) > MAX_PATHS:
             raise Untraceable(f"it has more than {MAX_PATHS} branches")
@@ -543,9 +482,7 @@ def _leaf(value: Any) -> sp.Expr | tuple[sp.Expr, ...]:
 
 
 def _piecewise(cases: list[tuple[sp.Expr, Any]]) -> sp.Expr:
-    """First match counts, so a case that repeats the one after it is joined to it, and the last
-    needs no condition.
-    """
+    """First match counts: a case that repeats the next joins it, the last has no condition."""
     joined: list[tuple[sp.Expr, Any]] = []
     for e, condition in cases:
         if joined and joined[-1][0] == e:

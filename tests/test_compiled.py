@@ -1,7 +1,9 @@
 """Compiled = plain = Python: whole numbers, tables, constants wherever they stand, failures."""
 
 import ctypes
+import dataclasses
 import functools
+import gc
 import linecache
 import math
 import os
@@ -12,6 +14,7 @@ import sys
 import textwrap
 import types
 import warnings
+import weakref
 
 import numpy as np
 import pytest
@@ -318,6 +321,97 @@ def test_counting_in_loops():
     assert slope(one(flow)) == 45 + 1 + 8 + 3**10
 
 
+CORNERS = {
+    "a number set before break": """
+        for i in range(3):
+            if s.x > 1:
+                a = 5
+                break
+            a = 1
+        return a * 1.0, 0.0""",
+    "a kind set before continue": """
+        a = 0
+        for i in range(3):
+            if i == 2:
+                a = 2.5
+                continue
+            a = 1
+        return a + s.x, 0.0""",
+    "a list for a condition": """
+        a = 0
+        while U:
+            a += 1
+            if a > s.v or a > 9:
+                break
+        return a, 0.0""",
+    "a loop that only return leaves": """
+        a = 0.0
+        while True:
+            a += 1.0
+            if a > s.v or a > 9:
+                return a, 0.0""",
+    "items that the loop changes": """
+        x, c = s.x, 0.0
+        for a in (x, x + 1, p.k):
+            x = 5.0
+            c = c + a
+        return c, 0.0""",
+    "an array of two names": """
+        new = np.zeros(2)
+        q = np.array([s.x, 1.0])
+        new += s.x
+        r = q
+        r += s.x
+        r[1] = 7.0
+        return q[0] + q[1] + new[1], 0.0""",
+    "truths of NumPy known": "return (f > 0) + (f > 1) + s.x, 0.0",
+    "truths of NumPy's functions": "return np.greater(s.x, 0) * s.x, 0.0",
+    "numbers of NumPy": """
+        q = np.array([s.x, s.v])
+        a = np.where(s.x > 1, s.x, s.v) * (1 / np.clip(s.x, -1, 2))
+        return 1 / np.float64(s.x) + a + 1 / q.sum() + 1 / q[0], 0.0""",
+    "a logarithm to a base": "return math.log(8 + s.x * s.x, 2) + math.log(s.x, 3), 0.0",
+    "a dict, and s in a tuple": """
+        z = (s, s.x)
+        return D["a"] * z[1] + z[0].v, 0.0""",
+    "a negative shift": """
+        if s.x > 0:
+            return (1 << -1) + 1.0, 0.0
+        return 1.0, 0.0""",
+    "a name that the translator gives, too": """
+        part0 = s.x
+        part1 = s.x
+        a, b = pair(s.v)
+        return part0 + part1 + a * b, 0.0""",
+    "a whole zero has no sign": "return math.atan2(int(-0.5 + 0 * s.x), -1.0), 0.0",
+    "an object with fields": "return law(s.x), 0.0",
+    "a constant after what may fail": "return late(s.x) * s.v, 0.0",
+}
+
+
+def test_loops_tuples_and_numpy_are_pythons():
+    call = written("def call(self, x):\n    return 2.5 * x")["call"]
+    law = dataclasses.make_dataclass("Law", ["g"], namespace={"__call__": call})(1.0)  # no hash
+    made = written("""
+        def late(x):
+            y = 1 / x
+            return 2
+        def pair(x):
+            return x + 1, x
+        """)
+    names = {"U": [1.0, 2.0], "D": {"a": 1.5}, "f": np.float64(2.5), "law": law}
+    names |= {"late": made["late"], "pair": made["pair"]}
+    exec("unread = lambda t, s, p, k=2.0: (k * s.x - t, 0.0)", names)  # no source to be had
+    bodies = [textwrap.indent(textwrap.dedent(body), "    ") for body in CORNERS.values()]
+    flows = [written(f"def flow(t, s, p):\n{body}", **names)["flow"] for body in bodies]
+    system = plane([*flows, names["unread"]])
+    for k, text in enumerate([*CORNERS, "a default without source"]):
+        for t, *y in POINTS:
+            with np.errstate(all="ignore"):
+                plain, fast = both(system, k, t, y)
+            assert alike(plain[0], fast[0]), (text, t, y, plain[0], fast[0])
+
+
 @pytest.mark.parametrize(
     ("body", "words"),
     [
@@ -341,12 +435,22 @@ def test_counting_in_loops():
         ("if s.x < 2:\n        return (1.0,)", "can end without a `return`"),
         ("return (s['x'],)", "s\\.x, not s\\['x'\\]"),
         ("return (again(s.x),)", "calls itself"),
+        ("return (math.hypot(s.x, 1.0, 2.0),)", r"\(line 2\) calls math.hypot, which"),
+        ("return ((U * int(s.x + 2))[0] * s.x,)", r"\(line 2\) is not compiled: `U \* int"),
+        ("q = A\n    q *= 1\n    return (q[0],)", r"\(line 3\) changes something in place"),
+        ("return (1 / max(A[0], s.x),)", r"\(line 2\) reckons with what may be NumPy's"),
+        ("return ((not s) + s.x,)", r"\(line 2\) takes for a condition what is none: `s`"),
+        (
+            "q = np.float64(s.x)\n    return ((q > 0) + (q > 1),)",
+            "what may be NumPy's numbers, which have",
+        ),
     ],
 )
 def test_what_is_not_compiled_runs_plain_and_says_why(body, words):
     helper = written("def helper(x):\n    log.append(x)\n    return x", log=[])["helper"]
     again = written("def again(x):\n    return x if x < 0 else again(x - 1)")["again"]
     names = {"random": random, "generator": np.random.default_rng(1), "helper": helper}
+    names |= {"U": [1.0, 2.0], "A": np.ones(2)}
     flow = written(f"def flow(t, s, p):\n    {body}", again=again, **names)["flow"]
     system = one(flow, start={"x": 0.5})
     with warnings.catch_warnings(record=True) as said:
@@ -436,6 +540,33 @@ def test_a_value_is_part_of_the_key_with_all_its_bytes():
     assert Program(system).key != first
     A[2500] = 0.0
     assert Program(system).key == first
+
+
+def test_without_source_text_the_names_are_part_of_the_key():
+    def made(text):  # both have the same bytecode, which counts names
+        exec(f"flow = lambda t, s, p: {text}", space := {})
+        return Program(plane([space["flow"]])).key
+
+    assert made("(s.x, s.v + 1.0)") != made("(s.v, s.x + 1.0)")
+    exec("whole = lambda t, s, p, k=2: (k * s.x, 0.0)", space := {})
+    with pytest.raises(Unfit, match="reckons with more than floats"):
+        Program(plane([space["whole"]]))
+
+
+def test_systems_that_are_used_no_more_are_let_go(monkeypatch):
+    """The caches of code and workspaces hold the system that they are for."""
+    monkeypatch.setattr(backend, "MOST", 2)
+    flow, seen = flow_of("-s.x"), []
+    for kind, count in (("plain", 66), ("compiled", 4)):
+        for _ in range(count):
+            system = one(flow)
+            simulate(system, 0.1, method="RK4", step=0.1, backend=kind)
+            seen.append(weakref.ref(system))
+    del system
+    for _ in range(64):  # other pools; the code of the last two is kept
+        simulate(one(flow), 0.1, method="RK4", step=0.1, backend="plain")
+    gc.collect()
+    assert [ref() is not None for ref in seen] == [False] * 68 + [True] * 2
 
 
 def test_a_slider_compiles_and_translates_nothing(monkeypatch):

@@ -1,7 +1,4 @@
-"""python -m labkit.solve.
-
-Compile the core and keep it on disk (once a machine, about a quarter of a minute).
-"""
+"""python -m labkit.solve: compile the core and keep it on disk (once a machine, 15 s)."""
 
 from .backend import load_core
 

@@ -10,19 +10,35 @@ import ast
 import math
 import operator
 import types
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .kinds import EXACT, FLOAT, LARGE, OF_NUMPY, TRUTH, Const, Number, Other, Table, Unfit, number
-from .pieces import Piece, as_float, is_table, literal, short
+from .kinds import (
+    EXACT,
+    FLOAT,
+    LARGE,
+    OF_NUMPY,
+    Const,
+    Number,
+    Other,
+    Record,
+    Table,
+    Unfit,
+    number,
+    of_numpy,
+)
+from .pieces import Piece, as_float, known, short
+from .plain import INFINITE
 
 if TYPE_CHECKING:
     from .source import Program
 
-__all__ = ["Arithmetic", "Folding"]
+__all__ = ["BINARY", "Arithmetic"]
 
-_BINARY = {
+BINARY = {
     ast.Add: ("+", operator.add),
     ast.Sub: ("-", operator.sub),
     ast.Mult: ("*", operator.mul),
@@ -51,46 +67,56 @@ class Arithmetic:
         line = f" (line {node.lineno})" if hasattr(node, "lineno") else ""
         return Unfit(f"{self.what}{line} {why}")
 
-    def known(self, value: Any) -> Piece:
-        """The piece of a known value; tables and functions get a name when they are used."""
-        return literal(value), Const(value)
-
     def failure(self) -> Piece:
         """What Python cannot compute at all: an index beyond a known table."""
         self.fails = True
         return "do_trunc(nan)", FLOAT
 
+    def computed(self, node: ast.AST, function: Callable, *values: Any, **words: Any) -> Piece:
+        """What Python makes of known values; where it fails, so does the model's function."""
+        builtin = isinstance(function, types.BuiltinFunctionType)
+        try:
+            with np.errstate(all="ignore"):
+                found = (INFINITE.get(function, function) if builtin else function)(
+                    *values, **words
+                )
+            alone = isinstance(found, np.ndarray) and not found.ndim
+            return known(found[()] if alone else found)
+        except (ArithmeticError, ValueError, LookupError):
+            return self.failure()
+        except TypeError as error:
+            raise self.no(node, f"is not compiled: {short(node)}: {error}") from None
+
     def _table(self, piece: Piece) -> Piece | None:
         """A table of numbers under a name of its own."""
-        text, kind = piece
+        _, kind = piece
         if isinstance(kind, Table):
             return piece
         if not isinstance(kind, Const) or not isinstance(kind.value, list | tuple | np.ndarray):
             return None
         return self.program.table(kind.value)
 
-    def _folding(self, node: ast.AST) -> Folding:
-        return Folding(self, node)
+    def _argument(self, node: ast.AST, piece: Piece) -> str:
+        """The piece as NumPy takes it; whole numbers as they are."""
+        if (table := self._table(piece)) is not None:
+            return table[0]
+        text, kind = piece
+        if isinstance(kind, Const) and number(kind) is None and kind.value is not None:
+            raise self.no(node, f"hands a {type(kind.value).__name__} to NumPy")
+        return f"({', '.join(kind.texts())},)" if isinstance(kind, Record) else text
 
     def binary(self, node: ast.AST, op: type, left: Piece, right: Piece) -> Piece:
         """left op right: Python's own value where both are known."""
-        sign, compute = _BINARY[op]
-        (a, one), (b, two) = left, right
-        if (
-            isinstance(one, Const)
-            and isinstance(two, Const)
-            and not _huge(op, one.value, two.value)
-        ):
-            try:
-                with np.errstate(all="ignore"):
-                    return self.known(compute(one.value, two.value))
-            except ArithmeticError:
-                return self.failure()
-            except (TypeError, ValueError) as error:
-                raise self.no(node, f"is not compiled: {short(node)}: {error}") from None
-        if any(isinstance(kind, Other | Table) or is_table(kind) for kind in (one, two)):
-            a, b = (self._table(piece) or piece for piece in (left, right))
-            return f"({a[0]} {sign} {b[0]})", Other()
+        sign, compute = BINARY[op]
+        one, two = left[1], right[1]
+        fixed = isinstance(one, Const) and isinstance(two, Const)
+        if fixed and not _huge(op, one.value, two.value):
+            return self.computed(node, compute, one.value, two.value)
+        if _array(one) or _array(two):
+            a, b = (self._argument(node, piece) for piece in (left, right))
+            if op is ast.Div:  # by zero it is infinity, also where it is a single number
+                return f"{self.program.name(np.divide)}({a}, {b})", Other()
+            return f"({a} {sign} {b})", Other()
         x, y = number(one), number(two)
         if x is None or y is None or op in (ast.MatMult, ast.LShift, ast.RShift):
             raise self.no(node, f"is not compiled: {short(node)}")
@@ -99,34 +125,30 @@ class Arithmetic:
         if op in (ast.BitAnd, ast.BitOr, ast.BitXor):
             if not (x.truth and y.truth):
                 raise self.no(node, f"is not compiled: {short(node)}")
-            return f"({a} {sign} {b})", TRUTH
-        numpy = x.numpy or y.numpy
-        if op is ast.Div and numpy and not (isinstance(two, Const) and two.value != 0):
-            return f"do_division({self._float(left)}, {self._float(right)})", OF_NUMPY
-        if op in (ast.Div, ast.FloorDiv, ast.Mod) and not (
-            isinstance(two, Const) and two.value != 0
-        ):
-            self.fails = True
-        if x.bound is None or y.bound is None:  # no whole numbers among themselves
-            return f"({self._in_float(left)} {sign} {self._in_float(right)})", Number(
-                True, numpy=numpy
-            )
-        if op in (ast.FloorDiv, ast.Mod):
-            self._every_digit(x, node)
-            self._every_digit(y, node)
-            self._own_rules(node, x, y)
-        bound = {
-            ast.Add: x.bound + y.bound,
-            ast.Sub: x.bound + y.bound,
-            ast.Mult: x.bound * y.bound,
-            ast.Div: None,
-            ast.FloorDiv: x.bound,
-            ast.Mod: y.bound,
-        }[op]
-        self._not_larger(bound, node)
-        floating = bound is None or x.floating or y.floating
-        kind = Number(floating, bound, numpy)
-        return f"({self._float(left)} {sign} {self._float(right)})", kind
+            return f"({left[0]} {sign} {right[0]})", replace(x, numpy=of_numpy(x, y))
+        numpy, safe = of_numpy(x, y), isinstance(two, Const) and two.value != 0
+        if op is ast.Div and numpy and not safe:
+            return f"do_division({as_float(left)}, {as_float(right)})", OF_NUMPY
+        self.fails |= not safe and op in (ast.Div, ast.FloorDiv, ast.Mod)
+        whole, digits = None not in (x.bound, y.bound), op in (ast.FloorDiv, ast.Mod)
+        truths = whole and not (x.floating or y.floating) and max(x.bound, y.bound) <= 1
+        if digits and (whole or not safe) or truths or op is ast.Div and not safe:
+            self._own_rules(node, numpy)
+        bound = None
+        if whole:
+            for kind in (x, y) if digits else ():
+                self._every_digit(kind, node)
+            bound = {
+                ast.Add: x.bound + y.bound,
+                ast.Sub: x.bound + y.bound,
+                ast.Mult: x.bound * y.bound,
+                ast.Div: None,
+                ast.FloorDiv: x.bound,
+                ast.Mod: y.bound,
+            }[op]
+            self._not_larger(bound, node)
+        kind = Number(bound is None or x.floating or y.floating, bound, numpy)
+        return f"({as_float(left)} {sign} {as_float(right)})", kind
 
     def _power(self, node: ast.AST, left: Piece, right: Piece) -> Piece:
         self.fails = True
@@ -134,61 +156,38 @@ class Arithmetic:
         exponent = right[1].value if isinstance(right[1], Const) else None
         bound = None
         if x.bound is not None and y.bound is not None:
-            self._own_rules(node, x, y)
+            self._own_rules(node, of_numpy(x, y))
             bound = 1.0 if x.bound <= 1 else _grown(x.bound, y.bound)
             self._not_larger(bound, node)
-        floating = x.floating or y.floating or exponent is None or exponent < 0
-        numpy = x.numpy or y.numpy
-        kind = Number(floating or bound is None, bound, numpy)
-        if numpy:
-            return f"do_numpy_power({self._float(left)}, {self._float(right)})", kind
-        if exponent == 2:
-            return f"do_square({self._float(left)})", kind
-        return f"do_power({self._float(left)}, {self._float(right)})", kind
+        floating = x.floating or y.floating or exponent is None or exponent < 0 or bound is None
+        kind = Number(floating, bound, of_numpy(x, y))
+        if exponent == 2 and not kind.numpy:
+            return f"do_square({as_float(left)})", kind
+        name = "do_numpy_power" if kind.numpy else "do_power"
+        return f"{name}({as_float(left)}, {as_float(right)})", kind
 
     def _not_larger(self, bound: float | None, node: ast.AST) -> None:
         if bound is not None and bound > LARGE:
-            raise self.no(
-                node,
-                f"has whole numbers that may grow beyond 2**63, {short(node)}: "
-                "make one of them a float",
-            )
+            why = f"has whole numbers that may grow beyond 2**63, {short(node)}"
+            raise self.no(node, f"{why}: make one of them a float")
 
     def _every_digit(self, kind: Number, node: ast.AST) -> None:
-        if kind.bound is not None and kind.bound > EXACT:
+        if kind.bound > EXACT:
             raise self.no(
                 node, f"has whole numbers beyond 2**53 of which every digit counts: {short(node)}"
             )
 
-    def _own_rules(self, node: ast.AST, x: Number, y: Number) -> None:
-        if x.numpy or y.numpy:
-            raise self.no(
-                node,
-                f"reckons with NumPy's whole numbers, which have rules of their own: {short(node)}",
-            )
-
-    def _float(self, piece: Piece) -> str:
-        """The piece as a float."""
-        return as_float(piece)
-
-    def _in_float(self, piece: Piece) -> str:
-        """The piece beside a float, which makes it one where it must."""
-        text, kind = piece
-        return self._float(piece) if number(kind).bound == 1.0 else text
+    def _own_rules(self, node: ast.AST, numpy: bool | None) -> None:
+        if numpy is not False:
+            why = "reckons with what may be NumPy's numbers, which have rules of their own"
+            raise self.no(node, f"{why}: {short(node)}")
 
 
-class Folding:
-    """with body._folding(node): errors while known values are computed become Unfit."""
-
-    def __init__(self, body: Arithmetic, node: ast.AST):
-        self.body, self.node = body, node
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, TypeError | ValueError | ArithmeticError):
-            raise self.body.no(self.node, f"is not compiled: {short(self.node)}: {error}") from None
+def _array(kind: Any) -> bool:
+    """Is it an array? Lists and tuples are not: times a number, they are repeated."""
+    if isinstance(kind, Const):
+        return isinstance(kind.value, np.ndarray)
+    return isinstance(kind, Other) or isinstance(kind, Table) and kind.item.numpy
 
 
 def _grown(base: float, exponent: float) -> float:

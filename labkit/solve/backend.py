@@ -16,8 +16,8 @@ import atexit
 import ctypes
 import hashlib
 import itertools
+import marshal
 import os
-import struct
 import subprocess
 import sys
 import threading
@@ -28,7 +28,6 @@ from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -85,9 +84,7 @@ ENTRY = "labkit_entry"
 
 
 def _read(text: str) -> Native | None:
-    """The C function kept under `text`; None if missing, damaged, written by another version: it
-    is only a cache.
-    """
+    """The C function kept under `text`, None if there is none that can be loaded."""
     data = kept.read(_kept(text))
     return _load(data) if data else None
 
@@ -102,19 +99,18 @@ def _made(text: str, data: bytes) -> Native:
 
 
 def _packed(machine_code: bytes, bitcode: bytes) -> bytes:
-    body = struct.pack("<Q", len(machine_code)) + machine_code + bitcode
+    body = marshal.dumps((machine_code, bitcode))
     return hashlib.sha256(body).digest() + body
 
 
 def _load(data: bytes) -> Native | None:
-    """Machine code made ready: by LLVM alone; by Numba where it calls what only Numba brings
-    along (arrays made inside).
+    """Machine code made ready by LLVM alone, or by Numba where it calls what only Numba brings
+    along (arrays made inside); None if it is damaged or another version's.
     """
     digest, body = data[:32], data[32:]
-    if len(body) < 8 or hashlib.sha256(body).digest() != digest:
+    if hashlib.sha256(body).digest() != digest:
         return None
-    (size,) = struct.unpack("<Q", body[:8])
-    machine_code, bitcode = body[8 : 8 + size], body[8 + size :]
+    machine_code, bitcode = marshal.loads(body)
     try:
         name = f"labkit_{next(_numbers)}"
         builder = llvm.JITLibraryBuilder().add_object_img(machine_code).add_current_process()
@@ -123,7 +119,14 @@ def _load(data: bytes) -> Native | None:
     except (RuntimeError, AttributeError, OSError):
         pass
     try:
-        return _load_by_numba(machine_code, bitcode)
+        from numba.core.compiler_lock import global_compiler_lock
+        from numba.core.registry import cpu_target
+
+        _import()
+        with global_compiler_lock:
+            codegen = cpu_target.target_context.codegen()
+            library = codegen.unserialize_library((ENTRY, "object", (machine_code, bitcode)))
+            return library, library.get_pointer_to_function(ENTRY)
     except Exception:  # made by another version, after all
         return None
 
@@ -136,17 +139,6 @@ def _linker() -> object:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return llvm.create_lljit_compiler(suppress_errors=True)
-
-
-def _load_by_numba(machine_code: bytes, bitcode: bytes) -> Native:
-    from numba.core.compiler_lock import global_compiler_lock
-    from numba.core.registry import cpu_target
-
-    _import()
-    with global_compiler_lock:
-        codegen = cpu_target.target_context.codegen()
-        library = codegen.unserialize_library((ENTRY, "object", (machine_code, bitcode)))
-        return library, library.get_pointer_to_function(ENTRY)
 
 
 def _jit(function: Callable, **options: object) -> Callable:
@@ -162,6 +154,7 @@ def _compile(function: Callable, arguments: tuple, returns: object) -> bytes:
     One that fails (an exception) is called again, with FAILED added to its first argument.
     """
     from llvmlite import ir
+    from numba import types as nb
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.registry import cpu_target
 
@@ -171,14 +164,11 @@ def _compile(function: Callable, arguments: tuple, returns: object) -> bytes:
         context = cpu_target.target_context
         library, module = context.codegen().create_library(ENTRY), context.create_module(ENTRY)
         library.enable_object_caching()
-        kinds = [context.get_value_type(kind) for kind in arguments]
-        back = (
-            context.get_value_type(returns) if result.signature.return_type != _nothing() else None
-        )
+        kinds, nothing = [context.get_value_type(kind) for kind in arguments], returns == nb.none
         inner = context.call_conv.get_function_type(returns, arguments)
         callee = ir.Function(module, inner, result.fndesc.llvm_func_name)
-        kind = ir.FunctionType(back or ir.VoidType(), kinds)
-        entry = ir.Function(module, kind, ENTRY)
+        back = ir.VoidType() if nothing else context.get_value_type(returns)
+        entry = ir.Function(module, ir.FunctionType(back, kinds), ENTRY)
         # One call in a loop, not two: LLVM puts it in its place
         first, again, done = (entry.append_basic_block() for _ in range(3))
         builder = ir.IRBuilder(first)
@@ -189,25 +179,19 @@ def _compile(function: Callable, arguments: tuple, returns: object) -> bytes:
         status, value = context.call_conv.call_function(
             builder, callee, returns, arguments, [what, *entry.args[1:]]
         )
-        if back is None:
+        if nothing:
             what.add_incoming(builder.add(what, ir.Constant(kinds[0], FAILED)), builder.block)
             builder.cbranch(status.is_error, again, done)
         else:
             builder.branch(done)
         builder.position_at_end(done)
-        builder.ret_void() if back is None else builder.ret(value)
+        builder.ret_void() if nothing else builder.ret(value)
         library.add_ir_module(module)
         library.add_linking_library(result.library)
         library.finalize()
         library.get_pointer_to_function(ENTRY)  # now it is machine code
         _, _, (machine_code, bitcode) = library.serialize_using_object_code()
     return _packed(machine_code, bitcode)
-
-
-def _nothing() -> object:
-    from numba import types as nb
-
-    return nb.none
 
 
 # ---------------------------------------------------------------- the core
@@ -226,15 +210,14 @@ CORE = "\n".join(
     for line in _source(name).splitlines()
     if not line.startswith("from .")
 )
-#: What the compiled core depends on, and what compiled models depend on besides: how they are made.
+#: What the compiled core depends on, and what compiled models do besides their text: how both are
+#: made.
 CORE_KEY = CORE + _source("backend") + _source("__main__") + repr((FLOW, GUARDS, RESET))
-HOW = "\n".join(map(_source, ("backend", "source", "translate", "checked", "kinds")))
+HOW = _source("backend") + _source("checked")
 
 
 def _make_core() -> bytes:
-    """core.py with `flow`, `guards`, `reset` calling the model's C function, as one C function
-    of an address table.
-    """
+    """CORE, whose flow, guards, reset call the model's C function, as one of an address table."""
     import operator
 
     from llvmlite import ir
@@ -252,10 +235,9 @@ def _make_core() -> bytes:
     )
 
     # `w` is one pointer, to a table of addresses and shapes; w.k is made from its entries. (Passed
-    # as a named tuple of sixty
-    # arrays, every call had four hundred arguments and the core took a minute to compile; Numba's
-    # own arrays count
-    # their references, and each count is a call that keeps LLVM from seeing through.)
+    # as a named tuple of sixty arrays, every call had four hundred arguments and the core took a
+    # minute to compile; Numba's own arrays count their references, and each count is a call that
+    # keeps LLVM from seeing through.)
     class Table(nb.Type):
         def __init__(self):
             super().__init__("labkit.Workspace")
@@ -275,9 +257,8 @@ def _make_core() -> bytes:
     @register_model(Block)
     class BlockModel(models.StructModel):
         def __init__(self, manager, kind):
-            super().__init__(
-                manager, kind, [("data", nb.CPointer(kind.item)), ("width", nb.intp)][: kind.ndim]
-            )
+            fields = [("data", nb.CPointer(kind.item)), ("width", nb.intp)]
+            super().__init__(manager, kind, fields[: kind.ndim])
 
     places, place = {}, 4
     for name, kind, shape in core.FIELDS:
@@ -336,29 +317,25 @@ def _make_core() -> bytes:
 
     @type_callable(operator.setitem)
     def type_set(context):
-        return lambda block, index, value: (
-            nb.none
-            if isinstance(block, Block) and block.ndim == 1 and isinstance(index, nb.Integer)
-            else None
-        )
+        def typer(block, index, value):
+            if isinstance(block, Block) and block.ndim == 1 and isinstance(index, nb.Integer):
+                return nb.none
+
+        return typer
 
     @lower_builtin(operator.setitem, Block, nb.Integer, nb.Any)
     def set(context, builder, signature, arguments):
         block, index, value = signature.args
         made = cgutils.create_struct_proxy(block)(context, builder, value=arguments[0])
         place = builder.gep(made.data, [context.cast(builder, arguments[1], index, nb.intp)])
-        told(
-            builder,
-            builder.store(context.cast(builder, arguments[2], value, block.item), place),
-            block,
-        )
+        value = context.cast(builder, arguments[2], value, block.item)
+        told(builder, builder.store(value, place), block)
         return context.get_dummy_value()
 
     @intrinsic
     def as_workspace(context, table):
-        return Table()(
-            nb.CPointer(nb.int64)
-        ), lambda context, builder, signature, arguments: arguments[0]
+        signature = Table()(nb.CPointer(nb.int64))
+        return signature, lambda context, builder, signature, arguments: arguments[0]
 
     @intrinsic
     def call(context, model, what, index, t, y, p, out):
@@ -368,23 +345,20 @@ def _make_core() -> bytes:
         def codegen(context, builder, signature, arguments):
             double, long = ir.DoubleType(), ir.IntType(64)
             kind = ir.FunctionType(ir.VoidType(), [long, long, double] + [double.as_pointer()] * 3)
-            y, out = (
-                cgutils.create_struct_proxy(signature.args[i])(
-                    context, builder, value=arguments[i]
-                ).data
-                for i in (4, 6)
-            )
+
+            def data(i):
+                block = cgutils.create_struct_proxy(signature.args[i])
+                return block(context, builder, value=arguments[i]).data
+
             p = builder.inttoptr(arguments[5], double.as_pointer())
-            builder.call(
-                builder.inttoptr(arguments[0], kind.as_pointer()), [*arguments[1:4], y, p, out]
-            )
+            model = builder.inttoptr(arguments[0], kind.as_pointer())
+            builder.call(model, [*arguments[1:4], data(4), p, data(6)])
             return context.get_dummy_value()
 
         return signature, codegen
 
-    space: dict[str, object] = {
-        "__name__": __name__
-    }  # Numba loads what is kept by way of a module that can be imported
+    # Numba loads what is kept by way of a module that can be imported
+    space: dict[str, object] = {"__name__": __name__}
     exec(compile(CORE, core.__file__, "exec"), space)
     space |= {"call": call, "as_workspace": as_workspace}
     exec(
@@ -398,20 +372,15 @@ def entry(table): return sweep(table[0], as_workspace(table), table[1], table[2]
 """,
         space,
     )
+    apart = ("namedtuple", "workspace", "entry")
     for name, value in list(space.items()):
-        if isinstance(value, types.FunctionType) and name not in (
-            "namedtuple",
-            "workspace",
-            "entry",
-        ):
+        if isinstance(value, types.FunctionType) and name not in apart:
             space[name] = _jit(value)
     return _compile(_jit(space["entry"]), (nb.CPointer(nb.int64),), nb.intp)
 
 
 def addresses(model: int, p: np.ndarray, budget: int, w: core.Workspace) -> np.ndarray:
-    """The table that the compiled `entry` reads: model, p, budget, one spare, then address and
-    shape of every field.
-    """
+    """What the compiled `entry` reads: model, p, budget, a spare, address and shape of fields."""
     table = [model, p.ctypes.data, budget, 0]
     for array in w:
         table.append(array.__array_interface__["data"][0])
@@ -440,9 +409,7 @@ def _make_model(program: Program) -> bytes:
 
 
 class Code:
-    """Compiled code of one system: run(address) goes on with the runs that the table of
-    `addresses` there describes.
-    """
+    """Compiled code of one system: run(address of a table of `addresses`) goes on with its runs."""
 
     def __init__(self, core_function: Native, model_function: Native):
         self._alive = core_function, model_function
@@ -463,9 +430,7 @@ class _State:
             # 3.12 (gh-106905)
             self.program = Program(system, self.reads)
             self.key = self.program.key + HOW
-        except (
-            Exception
-        ) as error:  # Unfit; anything else is a gap of the translator, and no more than that
+        except Exception as error:  # Unfit; anything else is no more than the translator's gap
             self.fail(system, error)
 
     def fail(self, system: System, error: Exception) -> None:
@@ -476,7 +441,8 @@ class _State:
 
 _lock = threading.RLock()
 _core: Native | None = None
-_states: WeakKeyDictionary[System, _State] = WeakKeyDictionary()
+_states: dict[System, _State] = {}  # of the systems that were used last
+MOST = 64
 _threads: list[threading.Thread] = []
 
 
@@ -490,19 +456,15 @@ def compiled(system: System, wait: bool = False, patience: float = 0.0) -> Code 
     """compiled(system) -> Code, or None while it is being made (or cannot be).
 
     wait=True waits, and raises ModelError where nothing can be compiled; `patience` waits so many
-    seconds at
-    most and raises nothing. What only has to be read from disk is there at once; Numba's imports
-    are waited for (a second, once), because they and a running cell can break each other: see
-    _import.
+    seconds at most and raises nothing. What only has to be read from disk is there at once; Numba's
+    imports are waited for (a second, once), because they and a running cell can break each other:
+    see _import.
     """
     if why := _unavailable():
         if wait:
             raise ModelError(f"backend='compiled' {why}: use backend='auto' or 'plain'")
         return None
-    code = _compiled(system, wait)
-    if code is not None:
-        return code
-    until = time.monotonic() + patience
+    code, until = _compiled(system, wait), time.monotonic() + patience
     while (
         code is None
         and (time.monotonic() < until or not _imported.is_set())
@@ -524,14 +486,16 @@ def _unavailable() -> str:
 
 def _compiled(system: System, wait: bool) -> Code | None:
     with _lock:
-        state = _states.get(system)
-        if state is None or not state.reads.same():
-            fresh = _State(system)
-            if state is not None and fresh.key and fresh.key == state.key:
-                fresh.code, fresh.error = state.code, state.error
-            state = _states[system] = fresh
+        state = old = _states.pop(system, None)
+        if old is None or not old.reads.same():
+            state = _State(system)
+            if old is not None and state.key and state.key == old.key:
+                state.code, state.error = old.code, old.error
             if state.code is None and state.error is None and not wait:
                 _begin(system, state)
+        _states[system] = state
+        while len(_states) > MOST:
+            del _states[next(iter(_states))]
     if state.error is None and state.code is None and wait:
         _prepare(system, state)
     if state.error is not None and wait:
@@ -569,9 +533,7 @@ def _prepare(system: System, state: _State) -> None:
 
 
 def load_core(here: bool = False) -> None:
-    """Load the compiled core; the first time on a machine it is compiled in a process of its own
-    (here=True: in this one).
-    """
+    """Load the core; at first it is compiled in a process of its own (here=True: in this one)."""
     global _core
     if _core is not None:
         return
@@ -579,23 +541,12 @@ def load_core(here: bool = False) -> None:
         if _core is None:
             if not here and not core_is_kept():
                 _import()
-                subprocess.run(
-                    [sys.executable, "-m", "labkit.solve"],
-                    check=False,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    stdin=subprocess.DEVNULL,
-                    env={
-                        **os.environ,
-                        "LABKIT_CACHE": str(kept.folder()),
-                        "PYTHONPATH": os.pathsep.join(
-                            [
-                                str(Path(__file__).parents[2]),
-                                *filter(None, [os.environ.get("PYTHONPATH")]),
-                            ]
-                        ),
-                    },
-                )
+                path = str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")
+                own = {"PYTHONPATH": os.pathsep.join(filter(None, path))}
+                own["LABKIT_CACHE"] = str(kept.folder())
+                mute = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+                command = [sys.executable, "-m", "labkit.solve"]
+                subprocess.run(command, check=False, env={**os.environ, **own}, **mute)
             _core = _read(CORE_KEY) or _made(CORE_KEY, _make_core())
 
 

@@ -54,13 +54,12 @@ class Batch:
         for name, kind, shape in self._fields():
             if plain and name in OUTPUTS:  # rows are added as they are needed
                 made.append(_Rows(shape[1]))
-            elif name in settings.fixed:
-                made.append(settings.fixed[name].tolist() if plain else settings.fixed[name])
-            else:
-                array = (np.empty if name == "out" else np.zeros)(
-                    shape, dtype=float if kind == "f" else np.int64
-                )
-                made.append(array.tolist() if plain else array)
+                continue
+            array = settings.fixed.get(name)
+            if array is None:
+                make = np.empty if name == "out" else np.zeros
+                array = make(shape, dtype=float if kind == "f" else np.int64)
+            made.append(array.tolist() if plain else array)
         self.w = core.Workspace(*made)
         self.w.room[:] = [self.sizes[name] for name in OUTPUTS]
         self.p = np.zeros((lanes, len(settings.system.parameters)))
@@ -142,11 +141,11 @@ class Batch:
         """Of the lane that has just ended: sentences about what was done but should be known."""
         w = self.w
         places = w.i[core.JUMPS]
+        more = f" and at {places - 1} more places" if places > 1 else ""
         return [
-            f"the flow seems to jump near t = {w.f[core.JUMP_T]:.6g}"
-            + (f" and at {places - 1} more places" if places > 1 else "")
-            + ": steps got shorter and shorter there. Make the jump an event (a Transition with a "
-            "guard, or at=), then nothing of it is missed"
+            f"the flow seems to jump near t = {w.f[core.JUMP_T]:.6g}{more}: steps got shorter and "
+            "shorter there. Make the jump an event (a Transition with a guard, or at=), then "
+            "nothing of it is missed"
         ]
 
     def _refused(self, lane: int) -> str:
@@ -170,16 +169,10 @@ class Batch:
             ("out", w.i[core.OUT] + len(self.settings.options.grid) + 4),
         ):
             if used > self.sizes[name]:
-                self.sizes[name] = max(
-                    4 * self.sizes[name] if name != "out" else 2 * self.sizes[name], used
-                )
+                self.sizes[name] = max((2 if name == "out" else 4) * self.sizes[name], used)
         replaced = {}
-        for name, _, shape in self._fields():
-            if (
-                name in OUTPUTS
-                and self.code is not None
-                and len(old := getattr(w, name)) < shape[0]
-            ):
+        for name, _, shape in self._fields() if self.code is not None else ():
+            if name in OUTPUTS and len(old := getattr(w, name)) < shape[0]:
                 replaced[name] = np.empty(shape)
                 replaced[name][: len(old)] = old
         self.w, self.table = w._replace(**replaced), None

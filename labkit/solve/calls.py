@@ -1,7 +1,4 @@
-"""Calls in a model function: helpers of the model, functions of Python, of math and of NumPy.
-
-underlying(f), bind(f, pieces, named, default)      what is called, and with what
-"""
+"""Calls in a model function: helpers of the model, functions of Python, of math and of NumPy."""
 
 from __future__ import annotations
 
@@ -11,17 +8,27 @@ import inspect
 import math
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
 
-from .checked import OF_MATH
+from .checked import CHECKED, OF_MATH
 from .expressions import Expressions
-from .kinds import FLOAT, MADE, OF_NUMPY, TRUTH, Const, Number, Other, Record, Unfit, number
-from .pieces import Piece, literal, short
+from .kinds import (
+    FLOAT,
+    MADE,
+    NUMPYS_TRUTH,
+    OF_NUMPY,
+    TRUTH,
+    Const,
+    Number,
+    Other,
+    number,
+)
+from .pieces import Piece, as_float, known, short
 
-__all__ = ["Calls", "bind", "underlying"]
+__all__ = ["Calls", "underlying"]
 
 _PURE = (abs, bool, divmod, float, int, len, list, max, min, pow, round, sorted, sum, tuple)
 _ROUND = {
@@ -33,17 +40,7 @@ _ROUND = {
 }
 _TRUTHS = (math.isnan, math.isinf, math.isfinite)
 _PLACES = ("argmax", "argmin", "searchsorted", "digitize")  # of NumPy: they give an index
-_METHODS = (
-    "all",
-    "any",
-    "argmax",
-    "argmin",
-    "item",
-    "max",
-    "mean",
-    "min",
-    "sum",
-)
+_METHODS = ("all", "any", "argmax", "argmin", "item", "max", "mean", "min", "sum")
 
 
 class Calls(Expressions):
@@ -52,7 +49,7 @@ class Calls(Expressions):
     def _of_Call(self, node: ast.Call) -> Piece:
         text, kind = self.visit(node.func)
         if isinstance(kind, Other):  # a method of an array made here
-            arguments = [self._argument(self.visit(each)) for each in node.args]
+            arguments = [self._argument(each, self.visit(each)) for each in node.args]
             if node.keywords:
                 raise self.no(node, f"is not compiled: {short(node)}")
             return f"{text}({', '.join(arguments)})", kind
@@ -67,118 +64,92 @@ class Calls(Expressions):
     def _call(
         self, node: ast.Call, function: Any, pieces: list[Piece], named: dict[str, Piece]
     ) -> Piece:
-        if not _hashable(function):
+        if not callable(function):
             raise self.no(node, f"calls what is no function: {short(node)}")
-        of_numpy = _of_numpy(function)
-        inner, first, words = underlying(function)
+        of_numpy, (inner, first, words) = _of_numpy(function), underlying(function)
         module = (getattr(inner, "__module__", None) or "").split(".")[0]
         if inner is not None and not of_numpy and module not in sys.stdlib_module_names:
-            pieces = [*map(self.known, first), *pieces]
-            named = {**{key: self.known(value) for key, value in words.items()}, **named}
+            pieces = [*map(known, first), *pieces]
+            named = {**{key: known(value) for key, value in words.items()}, **named}
             return self.program.helper(self, node, inner, pieces, named)
-        pure = function in _PURE or (
-            isinstance(getattr(function, "__self__", None), np.ndarray)
-            and function.__name__ in _METHODS
-        )
-        name = OF_MATH.get(function)
-        of_math = getattr(function, "__module__", None) == "math"
-        if (pure or of_math or of_numpy) and all(
-            isinstance(kind, Const) for _, kind in (*pieces, *named.values())
-        ):
-            return self._folded(node, function, pieces, named)
+        if function is pow and len(pieces) == 2 and not named:
+            return self.binary(node, ast.Pow, *pieces)
+        method = getattr(function, "__name__", "") in _METHODS
+        pure = method and isinstance(getattr(function, "__self__", None), np.ndarray)
+        pure |= of_numpy or function in _PURE or getattr(function, "__module__", None) == "math"
+        if pure and all(isinstance(kind, Const) for _, kind in (*pieces, *named.values())):
+            values = {key: kind.value for key, (_, kind) in named.items()}
+            return self.computed(node, function, *(kind.value for _, kind in pieces), **values)
         if of_numpy:
-            return self._numpy(function, pieces, named)
-        numbers = [number(kind) for _, kind in pieces]
-        if not named and None not in numbers:
-            if name is not None:
+            return self._numpy(node, function, pieces, named)
+        if not named and None not in [number(kind) for _, kind in pieces]:
+            name, count = OF_MATH.get(function), len(pieces)
+            if name is not None and count == CHECKED[name][1]:
                 self.fails = True
-                return f"{name}({', '.join(map(self._float, pieces))})", FLOAT
-            if function in _ROUND and len(pieces) == 1:
-                return self._whole(function, pieces[0])
-            if function in _TRUTHS:
-                return f"{self.program.name(function)}({self._float(pieces[0])})", TRUTH
-            if function in (float, np.float64) and len(pieces) == 1:
-                return self._float(pieces[0]), FLOAT
-            if function is bool and len(pieces) == 1:
-                return f"({pieces[0][0]} != 0)", TRUTH
-            if function is abs and len(pieces) == 1:
-                return f"abs({self._float(pieces[0])})", numbers[0].counted()
-            if function is pow and len(pieces) == 2:
-                return self.binary(node, ast.Pow, *pieces)
+                texts = [*map(as_float, pieces)]
+                if function in (math.atan2, math.copysign):  # a whole zero has no sign
+                    whole = [not number(kind).floating for _, kind in pieces]
+                    texts = [f"({a} + 0.0)" if w else a for a, w in zip(texts, whole, strict=True)]
+                return f"{name}({', '.join(texts)})", FLOAT
+            if function is math.log and count == 2:  # as Python computes it
+                one, two = (self._call(node, math.log, [piece], {}) for piece in pieces)
+                return self.binary(node, ast.Div, one, two)
+            if count == 1 and (found := self._of_one(function, pieces[0])):
+                return found
         if function in (min, max) and not named:
             return self._extreme(node, function, pieces)
         if function is len and len(pieces) == 1 and (found := self.items(pieces[0])) is not None:
-            return self.known(len(found))
+            return known(len(found))
         raise self.no(node, f"calls {_called(function)}, which is not compiled")
 
-    def _folded(
-        self, node: ast.AST, function: Callable, pieces: list[Piece], named: dict[str, Piece]
-    ) -> Piece:
-        values = [kind.value for _, kind in pieces]
-        words = {key: kind.value for key, (_, kind) in named.items()}
-        try:
-            with np.errstate(all="ignore"):
-                return self.known(function(*values, **words))
-        except OverflowError:
-            return (literal(math.inf), FLOAT) if function in OF_MATH else self.failure()
-        except (ArithmeticError, ValueError, LookupError):
-            return self.failure()
-        except TypeError as error:
-            raise self.no(node, f"is not compiled: {short(node)}: {error}") from None
-
-    def _whole(self, function: Callable, piece: Piece) -> Piece:
-        kind = number(piece[1])
-        if not kind.floating:
-            return self._float(piece), Number(False, kind.bound)
-        self.fails = True
-        return f"{_ROUND[function]}({self._float(piece)})", Number(
-            False, max(MADE, kind.bound or 0.0)
-        )
+    def _of_one(self, function: Callable, piece: Piece) -> Piece | None:
+        """A function of Python's or of math's of one number."""
+        kind, text = number(piece[1]), as_float(piece)
+        if function in _ROUND:
+            if not kind.floating:
+                return text, Number(False, kind.bound)
+            self.fails = True
+            return f"{_ROUND[function]}({text})", Number(False, max(MADE, kind.bound or 0.0))
+        if function in _TRUTHS:
+            return f"{self.program.name(function)}({text})", TRUTH
+        if function in (float, np.float64):
+            return text, FLOAT if function is float else OF_NUMPY
+        if function is bool:
+            return f"({piece[0]} != 0)", TRUTH
+        return (f"abs({text})", kind.counted()) if function is abs else None
 
     def _extreme(self, node: ast.AST, function: Callable, pieces: list[Piece]) -> Piece:
         if len(pieces) == 1:
             pieces = self.items(pieces[0]) or []
-        kinds = [number(kind) for _, kind in pieces]
-        if not kinds or None in kinds:
+        kind = self.joined(pieces)
+        if kind is None:
             raise self.no(node, f"calls {function.__name__} of what is not compiled: {short(node)}")
-        bounds = [kind.bound for kind in kinds if kind.bound is not None]
-        kind = Number(
-            any(k.floating for k in kinds), max(bounds, default=None), any(k.numpy for k in kinds)
-        )
-        text = self._float(pieces[0])
+        text = as_float(pieces[0])
         for piece in pieces[1:]:  # two at a time, as Python compares them
-            text = f"{function.__name__}({text}, {self._float(piece)})"
+            text = f"{function.__name__}({text}, {as_float(piece)})"
         return text, kind
 
-    def _numpy(self, function: Callable, pieces: list[Piece], named: dict[str, Piece]) -> Piece:
-        arguments = [self._argument(piece) for piece in pieces]
-        arguments += [f"{key}={self._argument(piece)}" for key, piece in named.items()]
+    def _numpy(
+        self, node: ast.AST, function: Callable, pieces: list[Piece], named: dict[str, Piece]
+    ) -> Piece:
+        if function is np.clip and len(pieces) == 3 and self.joined(pieces):
+            inner = self._numpy(node, np.maximum, pieces[:2], {})  # Numba clips arrays only
+            return self._numpy(node, np.minimum, [inner, pieces[2]], named)
+        arguments = [self._argument(node, piece) for piece in pieces]
+        arguments += [f"{key}={self._argument(node, piece)}" for key, piece in named.items()]
         text = f"{self.program.name(function)}({', '.join(arguments)})"
-        numbers = [number(kind) is not None for _, kind in pieces]
-        if isinstance(function, np.ufunc) and all(numbers) or function is np.interp and numbers[0]:
-            return text, OF_NUMPY
+        numbers = [number(kind) is not None for _, kind in (*pieces, *named.values())]
+        each = isinstance(function, np.ufunc) or function is np.where
+        if each and all(numbers) or function is np.interp and numbers[0]:
+            signs = f"{'d' * len(pieces)}->?"  # np.greater, np.isnan: they give a truth
+            return text, NUMPYS_TRUTH if signs in getattr(function, "types", ()) else OF_NUMPY
         if function.__name__ in _PLACES:
             return text, Number(False, 2.0**31, True)
         return text, Other()
 
-    def _argument(self, piece: Piece) -> str:
-        """The piece as NumPy's functions take it; whole numbers as they are."""
-        table = self._table(piece)
-        if table is not None:
-            return table[0]
-        if isinstance(piece[1], Const) and number(piece[1]) is None and piece[1].value is not None:
-            raise Unfit(
-                f"{self.what} hands a {type(piece[1].value).__name__} to a function of NumPy"
-            )
-        if isinstance(piece[1], Record):
-            return f"({', '.join(piece[1].texts())},)"
-        return piece[0]
-
 
 def underlying(function: Any) -> tuple[types.FunctionType | None, tuple, dict]:
-    """underlying(partial(f, 2.0)) -> (f, (2.0,), {}), also of methods and objects that can be
-    called; (None, (), {}) of others.
-    """
+    """underlying(partial(f, 2.0)) -> (f, (2.0,), {}); methods, objects, too; else (None, …)."""
     function = getattr(function, "py_func", function)  # a helper under @njit
     if isinstance(function, types.FunctionType):
         return function, (), {}
@@ -188,56 +159,20 @@ def underlying(function: Any) -> tuple[types.FunctionType | None, tuple, dict]:
     if isinstance(function, types.MethodType):
         inner, first, words = underlying(function.__func__)
         return inner, (function.__self__, *first), words
-    kinds = [vars(kind) for kind in type(function).__mro__]
-    call = next((kind["__call__"] for kind in kinds if "__call__" in kind), None)
+    call = inspect.getattr_static(type(function), "__call__", None)
     if isinstance(call, types.FunctionType):
         return call, (function,), {}
     return None, (), {}
 
 
-def bind(
-    function: types.FunctionType, pieces: list[Any], named: dict[str, Any], default: Callable
-) -> dict[str, Any]:
-    """bind(f, pieces, named, default) -> argument -> piece; default(name, value) makes the
-    others' pieces.
-    """
-    signature = inspect.signature(function)
-    bound = signature.bind(*pieces, **named)
-    for name, parameter in signature.parameters.items():
-        if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
-            raise TypeError(f"it takes *{name}")
-    return {
-        name: bound.arguments[name] if name in bound.arguments else default(name, parameter.default)
-        for name, parameter in signature.parameters.items()
-    }
-
-
 def _of_numpy(function: Any) -> bool:
-    if isinstance(function, np.ufunc):
-        return True
     module = getattr(function, "__module__", None) or ""
-    random = module.startswith("numpy.random")
-    return (
-        callable(function)
-        and not isinstance(function, type)
-        and module.split(".")[0] == "numpy"
-        and not random
-    )
-
-
-def _hashable(value: Any) -> bool:
-    try:
-        hash(value)
-    except TypeError:
-        return False
-    return True
+    own = module.split(".")[0] == "numpy" and not module.startswith("numpy.random")
+    named = isinstance(function, Hashable) and not isinstance(function, type)  # no np.poly1d
+    return isinstance(function, np.ufunc) or own and named
 
 
 def _called(function: Any) -> str:
-    name = (
-        getattr(function, "__qualname__", None)
-        or getattr(function, "__name__", None)
-        or repr(function)
-    )
+    name = getattr(function, "__qualname__", None) or getattr(function, "__name__", repr(function))
     module = getattr(function, "__module__", None) or ""
     return name if module in ("builtins", "") else f"{module}.{name}"

@@ -12,37 +12,16 @@ import math
 import operator
 import sys
 from collections.abc import Callable
+from functools import reduce
 
 # When the result r of the arguments x (and y) is a failure
 NEVER, STRICT, LOOSE, POWER, POLE, WHOLE = range(6)
 
+_ANGLES = ["sin", "cos", "tan", "asin", "acos", "atan", "asinh", "acosh", "atanh", "tanh"]
+_ONE = ["sqrt", "log", "log2", "log10", "log1p", "erf", "erfc", "fabs", "degrees", "radians"]
 #: name in the source -> (the function, number of arguments, when it fails)
 CHECKED: dict[str, tuple[object, int, int]] = {
-    **{
-        f"do_{name}": (getattr(math, name), 1, STRICT)
-        for name in [
-            "sqrt",
-            "log",
-            "log2",
-            "log10",
-            "log1p",
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "asinh",
-            "acosh",
-            "atanh",
-            "tanh",
-            "erf",
-            "erfc",
-            "fabs",
-            "degrees",
-            "radians",
-        ]
-    },
+    **{f"do_{name}": (getattr(math, name), 1, STRICT) for name in _ONE + _ANGLES},
     **{f"do_{name}": (getattr(math, name), 1, LOOSE) for name in ["exp", "expm1", "sinh", "cosh"]},
     **{f"do_{name}": (getattr(math, name), 2, NEVER) for name in ["atan2", "copysign"]},
     "do_hypot": (math.hypot, 2, LOOSE),
@@ -54,15 +33,16 @@ CHECKED: dict[str, tuple[object, int, int]] = {
     "do_numpy_power": (operator.pow, 2, NEVER),
     **{f"do_{name}": (f"llvm.{name}", 1, WHOLE) for name in ["trunc", "floor", "ceil", "rint"]},
 }
-#: what may be called by that name in `math`
-OF_MATH = {what: name for name, (what, _, _) in CHECKED.items() if type(what) is type(math.sin)}
-OF_MATH.pop(operator.pow, None)
+#: function of `math` -> that name
+OF_MATH = {
+    what: name
+    for name, (what, _, _) in CHECKED.items()
+    if getattr(what, "__module__", "") == "math"
+}
 
 
 def intrinsics(names: set[str]) -> dict[str, object]:
-    """intrinsics({"do_sqrt"}) -> the functions that go under these names when the source is
-    compiled by Numba.
-    """
+    """intrinsics({"do_sqrt"}) -> what goes under these names when Numba compiles the source."""
     return {name: _make(*CHECKED[name]) for name in names if name in CHECKED}
 
 
@@ -84,9 +64,8 @@ def _make(what: object, count: int, fails: int) -> object:
             typing.resolve_function_type(what, signature.args, {})
         return signature, codegen
 
-    if count == 1:
-        return intrinsic(lambda typing, x: prepare(typing))
-    return intrinsic(lambda typing, x, y: prepare(typing))
+    one, two = lambda typing, x: prepare(typing), lambda typing, x, y: prepare(typing)
+    return intrinsic(one if count == 1 else two)
 
 
 def _value(what: object, context, builder, signature, arguments):
@@ -136,9 +115,7 @@ def _square(builder, x):
 
 
 def _library_pow(module):
-    """The C library's pow, which Python calls: x**2 is not x*x to the last bit, and LLVM may not
-    put the one for the other.
-    """
+    """The C library's pow, as Python calls it: LLVM may not put x*x for x**2, which may differ."""
     from llvmlite import ir
 
     if "pow" not in module.globals:
@@ -153,26 +130,24 @@ def _failed(builder, fails: int, result, arguments):
 
     zero = ir.Constant(ir.DoubleType(), 0.0)
 
-    def is_nan(value):
-        return builder.fcmp_unordered("uno", value, value)
+    def is_number(value):
+        return builder.fcmp_ordered("ord", value, value)
 
     def is_finite(value):
         return builder.fcmp_ordered("==", builder.fsub(value, value), zero)
 
-    def all_of(test: Callable):
-        made = test(arguments[0])
-        return builder.and_(made, test(arguments[1])) if len(arguments) > 1 else made
+    def only(test: Callable):
+        """Not so the result, but so all arguments."""
+        return reduce(builder.and_, map(test, arguments), builder.not_(test(result)))
 
-    known = all_of(lambda value: builder.not_(is_nan(value)))
-    invalid = builder.and_(is_nan(result), known)
-    endless = builder.and_(builder.not_(is_finite(result)), all_of(is_finite))
     if fails == WHOLE:
         return builder.not_(is_finite(result))
     if fails == POWER:
-        return endless
+        return only(is_finite)
+    invalid = only(is_number)
     if fails == LOOSE:
         return invalid
+    endless = only(is_finite)
     if fails == POLE:  # math.pow(0, -1)
-        pole = builder.fcmp_ordered("==", arguments[0], zero)
-        return builder.or_(invalid, builder.and_(endless, pole))
+        endless = builder.and_(endless, builder.fcmp_ordered("==", arguments[0], zero))
     return builder.or_(invalid, endless)

@@ -5,13 +5,28 @@ from __future__ import annotations
 import ast
 import functools
 import operator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from .arithmetic import Arithmetic
-from .kinds import FLOAT, TRUTH, Const, Items, Number, Other, Record, Table, Unfit, join, number
-from .pieces import Piece, counted, literal, run_time, short, tuple_of
+from .kinds import (
+    FLOAT,
+    TRUTH,
+    Const,
+    Items,
+    Number,
+    Other,
+    Record,
+    Table,
+    Unfit,
+    join,
+    number,
+    of_numpy,
+)
+from .pieces import Piece, as_float, counted, known, literal, short, tuple_of
 
 __all__ = ["Expressions"]
 
@@ -28,10 +43,10 @@ _COMPARE = {
     ast.NotIn: ("not in", lambda a, b: a not in b),
 }
 _UNARY = {
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-    ast.Not: operator.not_,
-    ast.Invert: operator.invert,
+    ast.USub: ("-", operator.neg),
+    ast.UAdd: ("+", operator.pos),
+    ast.Not: ("not ", operator.not_),
+    ast.Invert: ("~", operator.invert),
 }
 
 
@@ -39,9 +54,10 @@ class Expressions(Arithmetic):
     """visit(node) -> the expression as source, and its kind."""
 
     env: dict[str, Any]  # name -> kind
-    text: dict[str, str]  # name -> source
+    given: dict[str, str]  # name of an argument that is never set anew -> source
     stored: set[str]
     lines: list[str]
+    parts: Iterator[int]
     prefix: str
 
     def visit(self, node: ast.expr) -> Piece:
@@ -52,30 +68,45 @@ class Expressions(Arithmetic):
         return method(node)
 
     def _once(self, piece: Piece) -> Piece:
-        """The piece under a name, so that its parts can be taken without computing all of it
-        again.
-        """
-        text, kind = piece
-        if not isinstance(kind, Items) or text.isidentifier():
+        """A tuple under a name, so that it is computed once, however many parts are taken."""
+        return self.held(piece) if isinstance(piece[1], Items) else piece
+
+    def held(self, piece: Piece) -> Piece:
+        """The piece as it is now, under a name that no variable has."""
+        text, kind = counted(piece)
+        if isinstance(kind, Const | Record):
             return piece
-        name = f"{self.prefix}part{len(self.lines)}"
+        name = f"{self.prefix[:-1]}part{next(self.parts)}"
         self.lines.append(f"{name} = {text}")
         return name, kind
 
+    def truth(self, node: ast.expr) -> Piece:
+        """A condition: whether the expression counts as true."""
+        text, kind = self.visit(node)
+        if isinstance(kind, Const):
+            return self.computed(node, bool, kind.value)
+        if number(kind) is None and not isinstance(kind, Other):
+            raise self.no(node, f"takes for a condition what is none: {short(node)}")
+        return text, kind
+
+    def named(self, name: str) -> str:
+        """What a variable of the function is called in the source."""
+        return self.given.get(name, self.prefix + name)
+
     def _of_Constant(self, node: ast.Constant) -> Piece:
-        return self.known(node.value)
+        return known(node.value)
 
     def _of_Name(self, node: ast.Name) -> Piece:
         if node.id in self.env:
             kind = self.env[node.id]
-            return (literal(kind.value) if isinstance(kind, Const) else self.text[node.id]), kind
+            if isinstance(kind, Record):  # it stands for what it is; its parts have a text
+                return "None", kind
+            return (literal(kind.value) if isinstance(kind, Const) else self.named(node.id)), kind
         if node.id in self.stored:
-            raise self.no(
-                node,
-                f"reads {node.id!r}, which may have no value there, or values of different kinds",
-            )
+            why = "which may have no value there, or values of different kinds"
+            raise self.no(node, f"reads {node.id!r}, {why}")
         try:
-            return self.known(self.program.reads.name(self.function, node.id))
+            return known(self.program.reads.name(self.function, node.id))
         except NameError as error:
             raise self.no(node, f"asks for a name that is not there: {error}") from None
 
@@ -88,7 +119,7 @@ class Expressions(Arithmetic):
             raise self.no(node, f"asks for {short(node)}, which is not a state or parameter")
         if isinstance(kind, Const):
             try:
-                return self.known(self.program.reads.attribute(kind.value, node.attr))
+                return known(self.program.reads.attribute(kind.value, node.attr))
             except AttributeError as error:
                 raise self.no(node, f"asks for what is not there: {error}") from None
         if isinstance(kind, Other):
@@ -101,23 +132,21 @@ class Expressions(Arithmetic):
     _of_List = _of_Tuple
 
     def all_items(self, node: ast.expr) -> list[Piece] | None:
-        """The items of what a `return` returns; None where they are not known one by one."""
+        """The items of a tuple in a statement, each part computed once; None where not known."""
         if isinstance(node, ast.Tuple | ast.List):
-            return self.elements(node, once=True)
+            return self.elements(node, self._once)
         return self.items(self._once(self.visit(node)))
 
-    def elements(self, node: ast.Tuple | ast.List, once: bool = False) -> list[Piece]:
+    def elements(self, node: ast.Tuple | ast.List, once: Callable = lambda x: x) -> list[Piece]:
         """The items of (a, *b): all of them, what is starred taken apart."""
         pieces: list[Piece] = []
         for each in node.elts:
-            if isinstance(each, ast.Starred):
-                piece = self.visit(each.value)
-                inner = self.items(self._once(piece) if once else piece)
-                if inner is None:
-                    raise self.no(node, f"takes apart what is not known: {short(each)}")
+            if not isinstance(each, ast.Starred):
+                pieces.append(self.visit(each))
+            elif (inner := self.items(once(self.visit(each.value)))) is not None:
                 pieces += inner
             else:
-                pieces.append(self.visit(each))
+                raise self.no(node, f"takes apart what is not known: {short(each)}")
         return pieces
 
     def items(self, piece: Piece) -> list[Piece] | None:
@@ -127,144 +156,141 @@ class Expressions(Arithmetic):
             return [(f"{text}[{k}]", each) for k, each in enumerate(kind.kinds)]
         if isinstance(kind, Record):
             return [(each, FLOAT) for each in kind.texts()]
-        if isinstance(kind, Const) and isinstance(
-            kind.value, list | tuple | np.ndarray | range | str
-        ):
-            return [self.known(value) for value in kind.value]
-        return None
+        value = kind.value if isinstance(kind, Const) else None
+        many = isinstance(value, list | tuple | np.ndarray | range | str)
+        return [*map(known, value)] if many else None
 
     def _of_Subscript(self, node: ast.Subscript) -> Piece:
-        base, index = self.visit(node.value), self._index(node.slice)
-        pieces = self.items(base) if not isinstance(base[1], Const) else None
-        if isinstance(index[1], Const):
+        base, (index, which) = self.visit(node.value), self._index(node.slice)
+        text, kind = base
+        if isinstance(kind, Const) and isinstance(which, Const):
+            if not isinstance(kind.value, list | tuple | np.ndarray | str | range | dict):
+                what = type(kind.value).__name__
+                raise self.no(node, f"reads from a {what}, which is not compiled: {short(node)}")
+            return self.computed(node, operator.getitem, kind.value, which.value)
+        if isinstance(kind, Items | Record) and isinstance(which, Const):
+            pieces = self.items(base)
             try:
-                if isinstance(base[1], Const):
-                    self._plain_table(base[1].value, node)
-                    return self.known(base[1].value[index[1].value])
-                if pieces is not None:
-                    found = pieces[index[1].value]
-                    return tuple_of(found) if isinstance(found, list) else found
-            except IndexError:
-                if isinstance(base[1], Record):
-                    raise self.no(
-                        node, f"reads beyond the states or parameters: {short(node)}"
-                    ) from None
-                return self.failure()
+                found = pieces[which.value]
             except TypeError as error:
                 raise self.no(node, f"is not compiled: {short(node)}: {error}") from None
-        if isinstance(base[1], Other):
-            return f"{base[0]}[{index[0]}]", base[1]
+            except IndexError:
+                if isinstance(kind, Record):
+                    why = f"reads beyond the states or parameters: {short(node)}"
+                    raise self.no(node, why) from None
+                return self.failure()
+            if isinstance(found, list):
+                return tuple_of(found)
+            return found[0], number(found[1]) or found[1]  # what stands beside it may fail
+        if isinstance(kind, Other):
+            return f"{text}[{index}]", kind
         table = self._table(base)
-        places = self.items(index) if isinstance(index[1], Items) else [index]
+        places = self.items((index, which)) if isinstance(which, Items) else [(index, which)]
         if table is None or len(places) > table[1].ndim:
             raise self.no(node, f"reads from what is no table of numbers: {short(node)}")
         self.fails = True
         texts = []
-        for text, kind in places:
-            which = number(kind)
-            if which is None or which.floating:
+        for place, each in places:
+            whole = number(each)
+            if whole is None or whole.floating:
                 raise self.no(node, f"has an index that is no whole number: {short(node)}")
-            texts.append(text if isinstance(kind, Const) else f"int({counted((text, kind))[0]})")
-        left = table[1].ndim - len(places)
-        kind = Table(table[1].item, left) if left else table[1].item
-        return f"{table[0]}[{', '.join(texts)}]", kind
+            fixed = isinstance(each, Const)
+            texts.append(place if fixed else f"int({counted((place, each))[0]})")
+        left, item = table[1].ndim - len(places), table[1].item
+        return f"{table[0]}[{', '.join(texts)}]", Table(item, left) if left else item
 
     def _index(self, node: ast.expr) -> Piece:
-        if isinstance(node, ast.Slice):
-            ends = [
-                Const(None) if e is None else self.visit(e)[1]
-                for e in (node.lower, node.upper, node.step)
-            ]
-            if all(isinstance(end, Const) for end in ends):
-                text = ":".join("" if end.value is None else str(end.value) for end in ends)
-                return text, Const(slice(*(end.value for end in ends)))
+        if not isinstance(node, ast.Slice):
+            return self.visit(node)
+        ends = [e and self.visit(e)[1] for e in (node.lower, node.upper, node.step)]
+        if not all(end is None or isinstance(end, Const) for end in ends):
             raise self.no(node, f"has a slice that is not known: {short(node)}")
-        return self.visit(node)
-
-    def _plain_table(self, value: object, node: ast.AST) -> None:
-        if not isinstance(value, list | tuple | np.ndarray | str | range):
-            raise self.no(
-                node, f"reads from a {type(value).__name__}, which is not compiled: {short(node)}"
-            )
+        values = [end and end.value for end in ends]
+        text = ":".join("" if value is None else str(value) for value in values)
+        return text, Const(slice(*values))
 
     def _of_IfExp(self, node: ast.IfExp) -> Piece:
-        test, kind = self.visit(node.test)
+        test, kind = self.truth(node.test)
         if isinstance(kind, Const):
             return self.visit(node.body if kind.value else node.orelse)
-        (one, a), (two, b) = self.visit(node.body), self.visit(node.orelse)
+        one, two = self.visit(node.body), self.visit(node.orelse)
         try:
-            kind = join(a, b) if a != b else run_time(a)
-            if isinstance(kind, Number):
-                one, two, kind = self._float((one, a)), self._float((two, b)), kind.counted()
-            return f"({one} if {test} else {two})", kind
+            kind = join(one[1], two[1])
         except Unfit:
-            raise self.no(
-                node, f"has values of different kinds in one place: {short(node)}"
-            ) from None
+            why = f"has values of different kinds in one place: {short(node)}"
+            raise self.no(node, why) from None
+        if value := number(kind):
+            return f"({as_float(one)} if {test} else {as_float(two)})", value.counted()
+        return f"({one[0]} if {test} else {two[0]})", kind
 
     def _of_BoolOp(self, node: ast.BoolOp) -> Piece:
         word, stops = ("and", False) if isinstance(node.op, ast.And) else ("or", True)
         pieces: list[Piece] = []
         for each in node.values:
-            piece = self.visit(each)
-            last = each is node.values[-1]
-            if isinstance(piece[1], Const) and not last and bool(piece[1].value) is not stops:
+            text, kind = self.visit(each)
+            fixed = isinstance(kind, Const)
+            truth = self.computed(each, bool, kind.value)[1] if fixed else None
+            if truth == Const(not stops) and each is not node.values[-1]:
                 continue  # known and of no consequence
-            pieces.append(piece)
-            if isinstance(piece[1], Const) and bool(piece[1].value) is stops:
+            pieces.append((text, kind))
+            if truth == Const(stops):
                 break
         if len(pieces) == 1:
             return pieces[0]
-        kinds = [number(kind) for _, kind in pieces]
-        if None in kinds:
+        kind = self.joined(pieces)
+        if kind is None:
             raise self.no(node, f"joins what are no numbers or conditions: {short(node)}")
-        truths = all(kind == TRUTH for _, kind in pieces)
-        texts = [text if truths else self._float((text, kind)) for text, kind in pieces]
-        kind = TRUTH if truths else functools.reduce(join, [each.counted() for each in kinds])
-        return f"({f' {word} '.join(texts)})", kind
+        truths = all(isinstance(each, Number) and each.truth for _, each in pieces)
+        texts = [text for text, _ in pieces] if truths else map(as_float, pieces)
+        return f"({f' {word} '.join(texts)})", replace(kind, truth=truths)
+
+    @staticmethod
+    def joined(pieces: list[Piece]) -> Number | None:
+        """The kind of what is one of these numbers; None where one is no number."""
+        kinds = [number(kind) for _, kind in pieces]
+        if None in kinds or not kinds:
+            return None
+        return functools.reduce(join, [kind.counted() for kind in kinds])
 
     def _of_Compare(self, node: ast.Compare) -> Piece:
         pieces = [self.visit(each) for each in (node.left, *node.comparators)]
         signs = [_COMPARE[type(op)] for op in node.ops]
         if all(isinstance(kind, Const) for _, kind in pieces):
-            values = [kind.value for _, kind in pieces]
-            with self._folding(node):
-                return self.known(
-                    all(
-                        bool(f(a, b))
-                        for (_, f), a, b in zip(signs, values, values[1:], strict=False)
-                    )
-                )
-        if any(isinstance(kind, Other) for _, kind in pieces):
-            return self._plainly(signs, pieces), Other()
+            return self.computed(node, _compared, signs, *(kind.value for _, kind in pieces))
         kinds = [number(kind) for _, kind in pieces]
-        if None in kinds or any(sign[0] in ("is", "is not", "in", "not in") for sign in signs):
+        if any(isinstance(kind, Other) for _, kind in pieces):
+            kind = Other()
+        elif None in kinds or any(sign[0].isalpha() for sign, _ in signs):
             raise self.no(node, f"compares what is not compiled: {short(node)}")
-        for kind in kinds:
-            self._not_larger(kind.bound, node)
-        return self._plainly(signs, [counted(piece) for piece in pieces]), TRUTH
-
-    @staticmethod
-    def _plainly(signs: list, pieces: list[Piece]) -> str:
-        text = pieces[0][0]
-        for (sign, _), (other, _) in zip(signs, pieces[1:], strict=True):
-            text += f" {sign} {other}"
-        return f"({text})"
+        else:
+            for kind in kinds:
+                self._not_larger(kind.bound, node)
+            pieces = [counted(piece) for piece in pieces]
+            kind = replace(TRUTH, numpy=of_numpy(*kinds))
+        first, *rest = (text for text, _ in pieces)
+        parts = [f" {sign} {text}" for (sign, _), text in zip(signs, rest, strict=True)]
+        return f"({first}{''.join(parts)})", kind
 
     def _of_UnaryOp(self, node: ast.UnaryOp) -> Piece:
-        text, kind = self.visit(node.operand)
+        (sign, compute), negated = _UNARY[type(node.op)], isinstance(node.op, ast.Not)
+        piece = text, kind = self.truth(node.operand) if negated else self.visit(node.operand)
         if isinstance(kind, Const):
-            with self._folding(node):
-                return self.known(_UNARY[type(node.op)](kind.value))
-        if isinstance(node.op, ast.Not):
-            return f"(not {text})", TRUTH
-        if isinstance(kind, Other):
-            return f"({ast.unparse(ast.UnaryOp(node.op, ast.Name('x')))[:-1]}{text})", kind
+            return self.computed(node, compute, kind.value)
+        if negated or isinstance(kind, Other):
+            return f"({sign}{text})", TRUTH if negated else kind
         value = number(kind)
-        if value is None or isinstance(node.op, ast.Invert):
+        if value is None or sign == "~" or value.truth and value.numpy is not False:
             raise self.no(node, f"is not compiled: {short(node)}")
-        text = self._float((text, kind))
-        return (f"(-{text})" if isinstance(node.op, ast.USub) else text), value.counted()
+        text = as_float(piece)
+        return f"({sign}{text})" if sign == "-" else text, value.counted()
 
     def _of_BinOp(self, node: ast.BinOp) -> Piece:
         return self.binary(node, type(node.op), self.visit(node.left), self.visit(node.right))
+
+
+def _compared(signs: list, first: Any, *others: Any) -> Any:
+    """first < other < …, as Python compares: the last comparison, or the first that is not true."""
+    result = True
+    for (_, compare), a, b in zip(signs, (first, *others), others, strict=False):
+        result = result and compare(a, b)
+    return result

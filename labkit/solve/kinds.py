@@ -7,23 +7,22 @@ become; where that is not known to be enough, the model runs in plain Python.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-EXACT = (
-    2.0**54
-)  # for //, % and the like, in which every digit counts: 2⁵³ and something small on top
-LARGE = 2.0**63  # for what is used as a float: the last digit may be off, of numbers beyond 9·10¹⁵
-MADE = (
-    2.0**53
-)  # a whole number made of a float by int(), floor() …; larger floats are whole numbers themselves
+import numpy as np
+
+# For //, % and the like, in which every digit counts: 2⁵³ and something small on top
+EXACT = 2.0**54
+# For what is used as a float: the last digit may be off, of numbers beyond 9·10¹⁵
+LARGE = 2.0**63
+# A whole number made of a float by int(), floor() …; larger floats are whole numbers themselves
+MADE = 2.0**53
 
 
 class Unfit(Exception):
-    """A function cannot be compiled, or not so that it is sure to give Python's numbers; the
-    message says why.
-    """
+    """A function cannot be compiled, or not so that it surely gives Python's numbers; says why."""
 
 
 @dataclass(frozen=True)
@@ -45,22 +44,25 @@ class Const:
 
 @dataclass(frozen=True)
 class Number:
-    """A number that the run decides: a float, or a whole number of at most `bound`, or either."""
+    """A number that the run decides: a float, or a whole number of at most `bound`, or either.
+
+    numpy: one of NumPy's, whose division by zero is infinity and whose whole numbers wrap; None:
+    perhaps. truth: of a comparison, as it stands in an expression (Numba adds and converts no
+    truths).
+    """
 
     floating: bool
     bound: float | None = None
-    numpy: bool = False  # one of NumPy's numbers: a division by zero is infinity, whole ones wrap
-    truth: bool = (
-        False  # of a comparison, as it stands in an expression: Numba adds and converts no truths
-    )
+    numpy: bool | None = False
+    truth: bool = False
 
     def counted(self) -> Number:
         """The kind once it has been made a number."""
-        return Number(self.floating, self.bound, self.numpy)
+        return replace(self, truth=False) if self.truth else self
 
 
 FLOAT, TRUTH = Number(True), Number(False, 1.0, truth=True)
-OF_NUMPY = Number(True, numpy=True)
+OF_NUMPY, NUMPYS_TRUTH = Number(True, numpy=True), replace(TRUTH, numpy=True)
 
 
 @dataclass(frozen=True)
@@ -96,15 +98,14 @@ class Other:
 
 def number(kind: Any) -> Number | None:
     """number(kind) -> the kind as a Number, also of a known one; None if it is no number."""
-    if isinstance(kind, Number):
-        return kind
-    if not isinstance(kind, Const):
-        return None
+    if isinstance(kind, Number) or not isinstance(kind, Const):
+        return kind if isinstance(kind, Number) else None
     value = kind.value
-    if isinstance(value, bool | int) or type(value).__name__ in ("int64", "bool", "bool_"):
+    if isinstance(value, int | np.int64 | np.bool_):
         return Number(False, float(min(abs(int(value)), 10**300)), not isinstance(value, int))
-    of_numpy = type(value).__name__ == "float64"
-    return (OF_NUMPY if of_numpy else FLOAT) if isinstance(value, float) else None
+    if isinstance(value, float):
+        return OF_NUMPY if isinstance(value, np.float64) else FLOAT
+    return None
 
 
 def join(a: Any, b: Any) -> Any:
@@ -119,8 +120,14 @@ def join(a: Any, b: Any) -> Any:
             return Other()
         raise Unfit("it has values of different kinds in different branches")
     bounds = [each.bound for each in (one, two) if each.bound is not None]
-    floating, numpy = one.floating or two.floating, one.numpy or two.numpy
-    return Number(floating, max(bounds, default=None), numpy)
+    numpy = one.numpy if one.numpy == two.numpy else None
+    return Number(one.floating or two.floating, max(bounds, default=None), numpy)
+
+
+def of_numpy(*kinds: Number) -> bool | None:
+    """of_numpy(kind, kind) -> whether what is computed of them is one of NumPy's numbers."""
+    flags = [kind.numpy for kind in kinds]
+    return True in flags or (None if None in flags else False)
 
 
 def growing(before: Any, after: Any, last: Any) -> Any:
@@ -130,8 +137,7 @@ def growing(before: Any, after: Any, last: Any) -> Any:
     """
     if not isinstance(last, Number) or last.bound is None or after == last:
         return last
-    known = [number(kind) for kind in (before, after)]
-    bounds = [(kind and kind.bound) or 0.0 for kind in known]
-    step = bounds[1] - bounds[0]
-    steady = last.bound - bounds[1] <= step
-    return Number(last.floating, last.bound + step * 2.0**31 if steady else inf, last.numpy)
+    first, second = ((known.bound if (known := number(k)) else 0.0) or 0.0 for k in (before, after))
+    step = second - first
+    steady = last.bound - second <= step
+    return replace(last, bound=last.bound + step * 2.0**31 if steady else inf)

@@ -30,14 +30,8 @@ def begin(model, w, p, lane):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
         w.side[slot], w.flat[slot], w.wait[slot], w.came[slot], w.rises[slot] = -1, 0, 0, 0, 0
-        w.leap[slot] = 0
-        w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = (
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0,
-        )
+        w.leap[slot], w.grains[slot] = 0, 0
+        w.slack[slot], w.scale[slot], w.swing[slot], w.grain[slot] = 0.0, 0.0, 0.0, 0.0
     for s in range(i[SCHEDULES]):
         strike(w, s, w.plan_next0[lane][s])
         w.found[s] = -1
@@ -71,13 +65,8 @@ def finish(model, w, p, lane, status):
     i, done = w.i, w.done[lane]
     record(model, w, p, w.f[T], i[MODE], w.size[i[MODE]], w.y)
     done[STATUS], done[LAST], done[END], done[EVENTS] = status, i[WHO], i[OUT], i[LEDGER]
-    done[ACCEPTED], done[FAILED], done[RATES], done[LOOKS] = (
-        i[STEPS],
-        i[REJECTED],
-        i[FLOWS],
-        i[GUARDS],
-    )
-    done[JUMPED] = i[JUMPS]
+    done[ACCEPTED], done[FAILED], done[JUMPED] = i[STEPS], i[REJECTED], i[JUMPS]
+    done[RATES], done[LOOKS] = i[FLOWS], i[GUARDS]
     i[LANE], i[BEGUN] = lane + 1, 0
 
 

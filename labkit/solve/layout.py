@@ -19,10 +19,9 @@ EPS = 2.220446049250313e-16
 # Places in w.i, whole numbers that survive a pause. Where the run is, and what it has left behind
 (MODE, JUMP, GRID, OUT, OUT_FROM, LEDGER, PIECES, STEPS, REJECTED, FLOWS, GUARDS) = range(11)
 # FRESH: the step size must be found anew and SciPy's methods started; KNOWN: w.k[0] is the flow
-# here;
-# ENTRY: the next step begins at an instant, whose sides are known; BUSY: this instant is not over;
-# SAME: events at it so far; WHO: the last transition that acted;
-# FIRST: the last step was refused; KIND: why the chosen transition acts (CROSSED, DUE, LATE)
+# here; ENTRY: the next step begins at an instant, whose sides are known; BUSY: this instant is not
+# over; SAME: events at it so far; WHO: the last transition that acted; FIRST: the last step was
+# refused; KIND: why the chosen transition acts (CROSSED, DUE, LATE)
 (FRESH, KNOWN, ENTRY, BUSY, SAME, WHO, FIRST, KIND, PENDING, TOUCHES) = range(11, 21)
 # AHEAD: w.g_ahead holds the guards a little later; STIFFS: steps at the border of stability; JUMPS:
 # places where the flow seemed to jump
@@ -38,28 +37,24 @@ EPS = 2.220446049250313e-16
 (OWN_SIZE, KINKS, UNSEEN, LANES) = range(48, 52)
 # Which lane is under way, and whether it has begun
 LANE, BEGUN = 52, 53
-# The next place where a table of the time bends; steps refused because a guard does too much in
-# them
+# The next place where a table of the time bends; steps refused as a guard does too much in them
 KINK, WILD = 54, 55
 INTEGERS = 56
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:
-# what is due up to here is due now; LATER, GONE, GONE_T: how a guard
-# leaves zero (leaving);
-# LAMBDA: h·|λ| of the last step (stiffness); RECENT: how long the last steps were;
-# TURN: −1 where the surface's guard crossed downwards
+# what is due up to here is due now; LATER, GONE, GONE_T: how a guard leaves zero (leaving); LAMBDA:
+# h·|λ| of the last step (stiffness); RECENT: how long the last steps were; TURN: −1 where the
+# surface's guard crossed downwards
 (T, H, T_END, RTOL, MAX_STEP, T0, EVENT_T, ZENO_T, PROBE) = range(9)
 (BEFORE, UNTIL, LATER, GONE, LAMBDA, RECENT, JUMP_T, TURN, GONE_T) = range(9, 18)
 # BAND: below which size the guard whose body rests is zero; BLUR: how far the clock has just been
-# moved on;
-# CAP: a longer step would step over what a guard does
-# GAP: time between the last two events; MIXED: how well λ is known while sliding
+# moved on; CAP: a longer step would step over what a guard does; GAP: time between the last two
+# events; MIXED: how well λ is known while sliding
 (BAND, BLUR, CAP, GAP, MIXED) = range(18, 23)
 FLOATS = 23
 # What is kept of a lane that is done, in w.done: why it ended, the last transition, where its
-# samples
-# end, its work, places where its flow seemed to jump
+# samples end, its work, places where its flow seemed to jump
 STATUS, LAST, END, EVENTS, ACCEPTED, FAILED, RATES, LOOKS, JUMPED = range(9)
 
 # Why `advance` returns
@@ -68,26 +63,21 @@ UNDERFLOW, QUEUE_FULL, GUARD_NAN, BAD_START, STIFF, HIDDEN_JUMP = range(9, 15)
 
 QUEUE = 256  # dead-time transitions under way at once
 MOST_TOUCHES = 64  # touched limits that are noted
-MOST_WILD = (
-    40  # after so many steps refused for a guard that cannot be followed, its samples are believed
-)
+# After so many steps refused for a guard that cannot be followed, its samples are believed
+MOST_WILD = 40
 SLIDE = -2  # stands for the sliding mode in the ledger
 # Of DOP853's polynomial; on smooth stretches it is below 30, and the error between the ends then
 # below the tolerance
 MOST_DEFECT = 100.0
 NO, YES, REFUSE = 0, 1, 2  # in w.urgent: a start beyond the guard waits, fires, is refused
-CROSSED, DUE, LATE = (
-    0,
-    1,
-    2,
-)  # in w.i[KIND]: its guard has crossed, its schedule or dead time is due
+CROSSED, DUE, LATE = 0, 1, 2  # in w.i[KIND]: its guard has crossed, it is due by schedule, delay
 ARRIVE, JUMPED_TO, ENTERED, START = 0, 1, 2, 3  # how `sides` was come to
 
 
 def workspace(z):
     """The fields of w as (name, "f" or "i", shape) for the sizes in z: one list for the plain
-    lists,
-    the arrays and their addresses."""
+    lists, the arrays and their addresses.
+    """
     y, slots = z.width + z.held, z.transitions + 2
     return (
         ("i", "i", (INTEGERS,)),
@@ -174,17 +164,11 @@ def workspace(z):
         ("leap", "i", (slots,)),  # 1: it jumps, or is steeper than the clock is fine; −1: not
         ("awake", "f", (slots,)),  # … and from this time on clear of zero
         ("wait", "i", (slots,)),  # it has crossed and its transition has not acted yet
-        (
-            "came",
-            "i",
-            (slots,),
-        ),  # 1: it crosses at this instant along the flow; 2: and has acted; 3: has acted by a jump
+        # 1: it crosses at this instant along the flow; 2: and has acted; 3: has acted by a jump
+        ("came", "i", (slots,)),
         ("slack", "f", (slots,)),  # what it was located with: counts as zero while it is flat
-        (
-            "scale",
-            "f",
-            (slots,),
-        ),  # Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| where it was last worked out, at w.scale_y
+        # Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| where it was last worked out, at w.scale_y
+        ("scale", "f", (slots,)),
         ("scale_y", "f", (slots, z.width + 1)),
         ("grain", "f", (slots,)),  # the rounding of its constants, as measured
         ("grains", "i", (slots,)),  # … so many times
@@ -207,8 +191,7 @@ def workspace(z):
         ("found", "i", (z.schedules,)),
         ("queue_t", "f", (QUEUE,)),
         ("queue", "i", (QUEUE,)),
-        # flights of a transition: since when, how long, how often ever shorter, and two earlier
-        # ones
+        # flights of a transition: since when, how long, how often ever shorter, two earlier ones
         ("last_t", "f", (z.transitions,)),
         ("last_gap", "f", (z.transitions,)),
         ("shorter", "i", (z.transitions,)),

@@ -12,7 +12,7 @@ import types
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from .kinds import Other, Record, Unfit
+from .kinds import Const, Other, Record, Unfit
 
 if TYPE_CHECKING:
     from .source import Program
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Opaque:
-    """Opaque(program, f, what, given, finish): in the place of a translate.Body, with its lines."""
+    """Opaque(program, f, what, given, kinds, finish): in the place of a Body, with its lines."""
 
     def __init__(
         self,
@@ -31,19 +31,21 @@ class Opaque:
         kinds: tuple[type, type],
         finish: Callable[[Opaque, Any], list[str]],
     ):
-        self.what, self.fails = what, True
-        reads = {
-            name: program.reads.name(function, name) for name in _outside(function.__code__, what)
-        }
-        constants = [c for c in function.__code__.co_consts if c is not None]
-        if not all(type(value) is float for value in [*reads.values(), *constants]):
+        self.what, self.fails, code = what, True, function.__code__
+        values = {name: program.reads.name(function, name) for name in self._outside(code)}
+        values |= {k: kind.value for k, (_, kind) in given.items() if isinstance(kind, Const)}
+        constants = [c for c in code.co_consts if c is not None]
+        if not all(type(value) is float for value in [*values.values(), *constants]):
             raise self.no(None, "reckons with more than floats")
-        texts = [text for text, kind in given.values() if not isinstance(kind, Record)]
-        records = [kind for _, kind in given.values() if isinstance(kind, Record)]
-        for kind, record in zip(kinds, records, strict=True):
-            texts.append(f"{program.name(kind)}({', '.join(record.texts())})")
-        name = program.name(function)
-        program.told[name] = f"{function.__code__.co_code.hex()} {constants} {reads}"
+        records, name = iter(kinds), program.name(function)
+        texts = [
+            f"{program.name(next(records))}({', '.join(kind.texts())})"
+            if isinstance(kind, Record)
+            else text
+            for text, kind in given.values()
+        ]
+        fields = [kind._fields for kind in kinds]
+        program.told[name] = f"{code.co_code.hex()} {code.co_names} {fields} {constants} {values}"
         self.text = f"{name}({', '.join(texts)})"
         self.lines = finish(self, None)
 
@@ -56,13 +58,12 @@ class Opaque:
     def visit(self, node: object) -> Piece:
         return self.text, Other()
 
-
-def _outside(code: types.CodeType, what: str) -> set[str]:
-    """The names that a function reads from outside; Unfit for what may differ from Python."""
-    names = set(code.co_freevars)
-    for step in dis.get_instructions(code):
-        if step.opname.startswith("CALL") or step.argrepr in ("**", "**="):
-            raise Unfit(f"{what} has no source text at hand, and more in it than plain arithmetic")
-        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
-            names.add(step.argval)
-    return names
+    def _outside(self, code: types.CodeType) -> list[str]:
+        """The names that a function reads from outside; Unfit for what may differ from Python."""
+        names = [*code.co_freevars]
+        for step in dis.get_instructions(code):
+            if step.opname.startswith("CALL") or step.argrepr in ("**", "**="):
+                raise self.no(None, "has more in it than plain arithmetic")
+            if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+                names.append(step.argval)
+        return names

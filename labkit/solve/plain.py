@@ -26,9 +26,7 @@ Pieces = list[tuple[Callable, float, float]]
 
 
 def orientations(system: System) -> list[Pieces]:
-    """orientations(system) -> per mode its guards as (function, sign, tolerance), turned so that
-    a directed event is the rise.
-    """
+    """orientations(system) -> per mode its guards (function, sign, tolerance): events are rises."""
     return [
         [
             (tr.guard, -1.0 if tr.direction < 0 else 1.0, tr.tolerance)
@@ -158,9 +156,7 @@ def _reset(system: System, transition: Transition) -> Callable:
 
 
 def _rescue(what: str, function: Callable | None, names: tuple[str, ...] | None) -> Callable:
-    """_rescue(what, f, names)(error, t, s, p) -> the values all the same, NaN, or a ModelError;
-    names None: one value.
-    """
+    """_rescue(what, f, names)(error, t, s, p) -> values, NaN, or a ModelError; names None: one."""
     ieee: list[Callable] = []
 
     def rescue(error: Exception, t: float, s: tuple, p: tuple) -> list[float]:
@@ -190,24 +186,23 @@ def _infinite(function: Callable) -> Callable:
     return call
 
 
-_INFINITE = {
-    name: _infinite(getattr(math, name))
+#: function of math that may overflow -> one that is infinity then
+INFINITE = {
+    getattr(math, name): _infinite(getattr(math, name))
     for name in ["exp", "exp2", "expm1", "cosh", "sinh", "gamma", "lgamma", "pow", "hypot", "ldexp"]
     if hasattr(math, name)
 }
 
 
 def _with_infinity(function: Callable) -> Callable:
-    """A copy of a function in which, and in whose helpers, an overflow of math.exp and its kind
-    is infinity.
-    """
+    """A copy of a function in which, helpers included, an overflow of math.exp is infinity."""
     copies: dict = {}
 
     def swap(value: object, name: str) -> object:
         if value is math:
-            return SimpleNamespace(**{**vars(math), **_INFINITE})
-        if isinstance(value, BuiltinFunctionType) and value.__module__ == "math":
-            return _INFINITE.get(value.__name__, value)
+            return SimpleNamespace(**{k: swap(v, k) for k, v in vars(math).items()})
+        if isinstance(value, BuiltinFunctionType):
+            return INFINITE.get(value, value)
         return rebound(value, swap, copies) if isinstance(value, FunctionType) else value
 
     return swap(function, "")  # type: ignore[return-value]

@@ -8,9 +8,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from functools import lru_cache
 from threading import Event as Flag
 from time import perf_counter
-from weakref import WeakKeyDictionary
 
 from ..model import ModelError, System
 from .backend import compiled
@@ -49,8 +49,9 @@ class Pool:
         return Batch(self.settings, code, lanes)
 
     def give_back(self, batch: Batch) -> None:
-        if len(self.free) < KEPT[0] and batch.nbytes <= KEPT[1]:
+        if batch.nbytes <= KEPT[1]:
             self.free.append(batch)
+            del self.free[: -KEPT[0]]
 
     def code(self, lanes: int, check: Callable[[], None]) -> object:
         """The compiled code, or None for the plain back end.
@@ -62,6 +63,7 @@ class Pool:
         code = self._code(lanes)
         if self.checked not in (None, code):  # something that they read has changed
             check()
+            self.free.clear()
         self.checked = code
         return code
 
@@ -80,24 +82,17 @@ class Pool:
         return compiled(self.settings.system, wait=backend == "compiled", patience=patience)
 
 
-#: Pools used lately, so that a slider's next position need not make them again.
-_pools: WeakKeyDictionary[System, dict[tuple, Pool]] = WeakKeyDictionary()
+@lru_cache(maxsize=64)  # so that a slider's next position need not make them again
+def _pool(system: System, options: tuple) -> Pool:
+    return Pool(Settings(Options(system, *options)))
 
 
 def pool_of(system: System, options: tuple, dense: bool) -> Pool:
     """pool_of(system, options as in Options, dense) -> the Pool for them, kept or new."""
-    key = (*options, dense)
     try:
-        kept = _pools.setdefault(system, {})
-        if found := kept.get(key):
-            return found
-    except TypeError:  # an array of sample times is no key; or no System at all
-        return Pool(Settings(Options(system, *key)))
-    made = Pool(Settings(Options(system, *key)))
-    if len(kept) >= 8:
-        kept.clear()
-    kept[key] = made
-    return made
+        return _pool(system, (*options, dense))
+    except TypeError:  # an array of sample times is no key
+        return _pool.__wrapped__(system, (*options, dense))
 
 
 def together(batches: Sequence[Batch], threads: int) -> None:

@@ -19,26 +19,21 @@ _NOTHING = object()
 
 
 class Reads:
-    """Reads(): looks things up, and remembers how and what was there; a copy of what can be
-    changed in place.
-    """
+    """Reads(): looks things up and remembers what was there; a copy of what may change in place."""
 
     def __init__(self) -> None:
         self._done: dict[tuple, Any] = {}
         # What is looked up again before every run, the cheapest first
         self._texts: list[tuple[types.FunctionType, types.CodeType, Any, Any]] = []
         self._names: list[tuple[dict[str, Any], str, Any]] = []
-        self._fixed: list[tuple[Callable[[], Any], Any]] = []
-        self._changing: list[tuple[Callable[[], Any], Any]] = []
+        self._looks: list[tuple[Callable[[], Any], Any]] = []
 
     def _read(self, key: tuple, look: Callable[[], Any]) -> Any:
         if key not in self._done:
-            value = look()
-            self._done[key] = value
-            if _frozen(value) is not value:
-                self._changing.append((look, _frozen(value)))
-            elif key[0] != "name":
-                self._fixed.append((look, value))
+            value = self._done[key] = look()
+            kept = _frozen(value)
+            if kept is not value or key[0] != "name":
+                self._looks.append((look, kept))
         return self._done[key]
 
     def name(self, function: types.FunctionType, name: str) -> Any:
@@ -48,24 +43,21 @@ class Reads:
             cell = function.__closure__[free.index(name)]  # type: ignore[index]
             return self._read(("cell", id(cell)), lambda: _content(cell, name))
         space = function.__globals__
-        if ("name", id(space), name) not in self._done:
+        key = "name", id(space), name
+        if key not in self._done:
             self._names.append((space, name, space.get(name, _NOTHING)))
-        return self._read(("name", id(space), name), lambda: _global(space, name))
+        return self._read(key, lambda: _global(space, name))
 
     def attribute(self, value: Any, name: str) -> Any:
         """reads.attribute(planet, "g") -> planet.g; AttributeError where there is nothing."""
         return self._read(("attribute", id(value), name), lambda: getattr(value, name))
 
     def default(self, function: types.FunctionType, name: str, value: Any) -> Any:
-        """reads.default(f, "table", value) -> value, the default of an argument, which may
-        change in place.
-        """
+        """reads.default(f, "table", value) -> value, an argument's default, which may change."""
         return self._read(("default", id(function), name), lambda: value)
 
     def text(self, function: types.FunctionType) -> None:
-        """reads.text(f): its code and defaults, which some tools replace while the function
-        stays.
-        """
+        """reads.text(f): its code and defaults, which some tools replace."""
         if ("text", id(function)) not in self._done:
             self._done["text", id(function)] = function
             parts = function.__code__, function.__defaults__, function.__kwdefaults__
@@ -84,10 +76,10 @@ class Reads:
             if (now := space.get(name, _NOTHING)) is not value and not _equal(now, value):
                 return False
         try:
-            for look, value in self._fixed:
+            for look, value in self._looks:
                 if (now := look()) is not value and not _equal(now, value):
                     return False
-            return all(_equal(look(), kept) for look, kept in self._changing)
+            return True
         except (NameError, AttributeError):
             return False
 
@@ -100,12 +92,10 @@ def _content(cell: types.CellType, name: str) -> Any:
 
 
 def _global(space: dict[str, Any], name: str) -> Any:
-    found = space.get(name, _NOTHING)
-    if found is _NOTHING:
-        found = getattr(builtins, name, _NOTHING)
-    if found is _NOTHING:
-        raise NameError(f"name {name!r} is not defined")
-    return found
+    for there in (space, vars(builtins)):
+        if name in there:
+            return there[name]
+    raise NameError(f"name {name!r} is not defined")
 
 
 def _frozen(value: Any) -> Any:

@@ -14,19 +14,21 @@ for the caller to use when it has failed.
 from __future__ import annotations
 
 import hashlib
+import inspect
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import inf, nan
 from typing import Any
 
 import numpy as np
 
 from ..model import System, Transition
-from .calls import bind, underlying
+from .calls import underlying
 from .checked import CHECKED
-from .kinds import FLOAT, OF_NUMPY, Const, Items, Number, Other, Record, Table, Unfit, join, number
+from .kinds import FLOAT, Const, Items, Number, Other, Record, Table, Unfit, join, number
 from .opaque import Opaque
-from .pieces import Piece, as_float, counted, literal
+from .pieces import Piece, as_float, counted, known, literal
 from .plain import orientations
 from .reads import Reads
 from .syntax import tree
@@ -38,9 +40,7 @@ DEEPEST = 40  # helpers that call helpers
 
 
 class Program:
-    """Program(system): see the module's docstring. Raises Unfit, in words, for what must run in
-    plain Python.
-    """
+    """Program(system): see above. Raises Unfit, in words, for what must run in plain Python."""
 
     def __init__(self, system: System, reads: Reads | None = None):
         self.system, self.modes = system, list(system.modes)
@@ -52,7 +52,7 @@ class Program:
         self._making: list[Any] = []
         self._branches: list[tuple[str, list[str]]] = []
         parameters = tuple((name, place) for place, name in enumerate(system.parameters))
-        self._p = Record("p", parameters)
+        self._p, self._guards = Record("p", parameters), orientations(system)
         behind = range(system.width, system.width + len(system.held))
         self._kept = [f"out[{place}] = s[{place}]" for place in behind]
         for m, mode in enumerate(system.modes.values()):
@@ -76,14 +76,11 @@ class Program:
         """A function of (t, s, p), its first three arguments, whatever they are called."""
         inner, first, words = underlying(function)
         if inner is None:
-            raise Unfit(
-                f"{what} is a {type(function).__name__}, not a function made by def or lambda"
-            )
+            kind = type(function).__name__
+            raise Unfit(f"{what} is a {kind}, not a function made by def or lambda")
         s = Record("s", tuple(self.system.places(mode).items()))
-        pieces = [*((literal(v), Const(v)) for v in first), ("t", FLOAT), ("s", s), ("p", self._p)]
-        given = self._bound(
-            what, inner, pieces, {k: (literal(v), Const(v)) for k, v in words.items()}
-        )
+        pieces = [*map(known, first), ("t", FLOAT), ("None", s), ("None", self._p)]
+        given = self._bound(what, inner, pieces, {key: known(v) for key, v in words.items()})
         if tree(inner) is None:
             return Opaque(self, inner, what, given, (self.system.S[mode], self.system.P), finish)
         return Body(self, inner, what, given, prefix, finish)
@@ -91,23 +88,25 @@ class Program:
     def _bound(
         self, what: str, function: Any, pieces: list[Piece], named: dict
     ) -> dict[str, Piece]:
-        def default(name: str, value: Any) -> Piece:
-            value = self.reads.default(function, name, value)
-            return literal(value), Const(value)
-
+        """Argument -> piece, defaults included."""
         try:
-            return bind(function, pieces, named, default)
+            arguments = inspect.signature(function).parameters
+            bound = inspect.signature(function).bind(*pieces, **named).arguments
         except (TypeError, ValueError) as error:
             raise Unfit(f"{what} cannot be called like that: {error}") from None
+        for name, argument in arguments.items():
+            if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD):
+                raise Unfit(f"{what} cannot be called like that: it takes *{name}")
+            if name not in bound:
+                bound[name] = known(self.reads.default(function, name, argument.default))
+        return {name: bound[name] for name in arguments}
 
     # ------------------------------------------------------------ guards and resets
 
     def _expression(
         self, function: Callable, what: str, prefix: str, mode: str
     ) -> tuple[str, bool]:
-        """A function of one number as an expression, a helper where it is more than one return;
-        and whether it may fail.
-        """
+        """A function of one number as an expression (of a helper), and whether it may fail."""
         body = self._body(function, what, prefix, mode, _one)
         if len(body.lines) == 1:
             return f"({body.lines[0].removeprefix('return ')})", body.fails
@@ -117,8 +116,7 @@ class Program:
         return f"{name}(t, s, p)", body.fails
 
     def _add_guards(self, m: int) -> None:
-        lines, mode = [], self.modes[m]
-        pieces = orientations(self.system)[m]
+        lines, mode, pieces = [], self.modes[m], self._guards[m]
         for k, (function, sign, tolerance) in enumerate(pieces):
             names = [tr.name for tr in self.system.transitions if tr.guard is function]
             what = f"the guard of {names[0]!r}"
@@ -139,14 +137,12 @@ class Program:
             name, prefix = self.modes[m], f"r{i}_{m}_"
             alike = [self.modes.index(mode) for mode in tr.sources if states(mode) == states(name)]
             among = ", ".join(map(str, alike))
+            lines = ["return"]
             if isinstance(tr.reset, Mapping):
-                lines = _store(self._parts(tr, name, what, prefix))
-            else:
-                count = len(states(tr.target)) if tr.target else 0
+                lines = [*_store(self._parts(tr, name, what, prefix)), "return"]
+            elif count := len(states(tr.target)) if tr.target else 0:
                 fill = _fill(list(range(count)), self._kept)
-                lines = (
-                    self._body(tr.reset, what, prefix, name, fill).lines if count else ["return"]
-                )
+                lines = self._body(tr.reset, what, prefix, name, fill).lines
             condition = f"what >= {RESET} and index == {i} and what - {RESET} in ({among},)"
             self._branches.append((condition, lines))
 
@@ -173,9 +169,7 @@ class Program:
         if key in self._making or len(self._making) > DEEPEST:
             raise body.no(node, f"calls {function.__name__!r}, which calls itself (a recursion)")
         given = {name: counted(piece) for name, piece in given.items()}
-        passed = {
-            name: piece for name, piece in given.items() if not isinstance(piece[1], Const | Record)
-        }
+        passed = {k: v for k, v in given.items() if not isinstance(v[1], Const | Record)}
         if key not in self._helpers:
             self._making.append(key)
             try:
@@ -195,15 +189,10 @@ class Program:
             name: (f"{prefix}_{name}" if name in passed else text, kind)
             for name, (text, kind) in given.items()
         }
-        body = Body(self, function, what, inside, prefix + "_", _returned)
-        kind = body.returns[0]
-        for other in body.returns[1:]:
-            try:
-                kind = join(kind, other)
-            except Unfit:
-                raise Unfit(f"{what} returns values of different kinds") from None
-        if len(body.returns) > 1 and number(kind):
-            kind = number(kind)
+        body = Body(self, function, what, inside, f"{prefix}_", _returned)
+        kind = body.returned
+        if body.fails:  # else a call that gives a constant need not be made
+            kind = number(kind) or kind
         heads = ", ".join(["s", "p", *(f"{prefix}_{name}" for name in passed)])
         lines = [f"def {prefix}({heads}):", *("    " + line for line in body.lines)]
         return prefix, kind, body.fails, "\n".join(lines)
@@ -216,9 +205,7 @@ class Program:
         return self._names[value]
 
     def table(self, value: Any) -> Piece | None:
-        """program.table([1.0, 2.0]) -> the name of an array, and its kind; None if these are no
-        numbers.
-        """
+        """program.table([1.0, 2.0]) -> the name of an array, and its kind; None of other things."""
         try:
             array = np.ascontiguousarray(value)
         except ValueError:  # rows of different lengths
@@ -229,11 +216,10 @@ class Program:
         if key not in self._names:
             self._names[key] = f"c{len(self._names)}"
             self.values[self._names[key]] = array.copy()
-        if array.dtype == np.float64:
-            own = isinstance(value, np.ndarray)
-            return self._names[key], Table(OF_NUMPY if own else FLOAT, array.ndim)
-        bound = max(abs(int(array.min())), abs(int(array.max())))
-        item = Number(False, float(bound), isinstance(value, np.ndarray) and array.dtype != bool)
+        item = Number(True, numpy=isinstance(value, np.ndarray))
+        if array.dtype != np.float64:
+            bound = max(abs(int(array.min())), abs(int(array.max())))
+            item = replace(item, floating=False, bound=float(bound))
         return self._names[key], Table(item, array.ndim)
 
     # ------------------------------------------------------------ all together
@@ -242,9 +228,8 @@ class Program:
         text = "def model(what, index, t, s, p, out):\n" + self._failure(most)
         for condition, lines in self._branches:
             text += f"    if {condition}:\n" + "".join(f"        {line}\n" for line in lines)
-        text += (
-            f"    if what >= {RESET}:\n        for i in range({most}):\n            out[i] = s[i]\n"
-        )
+        text += f"    if what >= {RESET}:\n        for i in range({most}):\n"
+        text += "            out[i] = s[i]\n"
         parts, wanted = {each[0]: each[3] for each in self._helpers.values()}, [text]
         for part in wanted:  # grows: helpers of helpers; what was only tried is left out
             names = [name for name in re.findall(r"\bh\w+(?=\()", part) if name in parts]
@@ -258,19 +243,16 @@ class Program:
 
     def _failure(self, most: int) -> str:
         """What is filled with NaN when a flow, the guards of a mode or a reset have failed."""
-        counts = [len(pieces) for pieces in orientations(self.system)]
         text = f"    if what >= {FAILED}:\n        count = {most}\n"
         text += f"        if what == {FAILED + FLOW}:\n            count = {self.system.width}\n"
-        for m, count in enumerate(counts):
+        for m, pieces in enumerate(self._guards):
             text += f"        if what == {FAILED + GUARDS} and index == {m}:\n"
-            text += f"            count = {count}\n"
+            text += f"            count = {len(pieces)}\n"
         return text + "        for i in range(count):\n            out[i] = nan\n        return\n"
 
 
 def _fill(places: list[int], keep: list[str]) -> Callable[[Body, Any], list[str]]:
-    """_fill([0, 1], []) -> what a `return` becomes: its values go to these places of out; then
-    `keep`.
-    """
+    """_fill([0, 1], []) -> what a `return` becomes: its values go to these places; then `keep`."""
 
     def finish(body: Body, value: Any) -> list[str]:
         pieces = body.all_items(value)
@@ -282,40 +264,48 @@ def _fill(places: list[int], keep: list[str]) -> Callable[[Body, Any], list[str]
             return [*lines, *keep, "return"]
         if len(pieces) != len(places):
             raise body.no(value, f"returns {len(pieces)} values, not {len(places)}")
-        texts = {}
-        for place, (text, kind) in zip(places, pieces, strict=True):
-            if number(kind) is None and not isinstance(kind, Other):
-                raise body.no(value, "returns what is no number")
-            texts[place] = text if isinstance(kind, Other) else as_float((text, kind))
-        return [*_store(texts)[:-1], *keep, "return"]
+        texts = [_number(body, value, piece) for piece in pieces]
+        return [*_store(dict(zip(places, texts, strict=True))), *keep, "return"]
 
     return finish
 
 
 def _store(values: dict[int, str]) -> list[str]:
-    """Statements that put expressions into their places of out, all worked out before the first
-    is put.
-    """
+    """Statements that put values into places of out, all worked out before the first is put."""
     if len(values) == 1:
-        return [*(f"out[{i}] = {text}" for i, text in values.items()), "return"]
+        return [f"out[{i}] = {text}" for i, text in values.items()]
     lines = [f"value_{i} = {text}" for i, text in values.items()]
-    return [*lines, *(f"out[{i}] = value_{i}" for i in values), "return"]
+    return [*lines, *(f"out[{i}] = value_{i}" for i in values)]
+
+
+def _number(body: Body, node: Any, piece: Piece) -> str:
+    """What a function returns as source, if it is a number or whatever Numba makes of it."""
+    text, kind = piece
+    if isinstance(kind, Other):
+        return text
+    if number(kind) is None:
+        raise body.no(node, "returns what is no number")
+    return as_float(piece)
 
 
 def _one(body: Body, value: Any) -> list[str]:
-    text, kind = body.visit(value)
-    if number(kind) is None and not isinstance(kind, Other):
-        raise body.no(value, "returns what is no number")
-    return [f"return {text if isinstance(kind, Other) else as_float((text, kind))}"]
+    return [f"return {_number(body, value, body.visit(value))}"]
 
 
 def _returned(body: Body, value: Any) -> list[str]:
     text, kind = counted(body.visit(value))
-    body.returns.append(kind)
     if isinstance(kind, Const):
-        text = literal(float(kind.value)) if number(kind) else "None"
+        text = as_float((text, kind)) if number(kind) else "None"
     if isinstance(kind, Record):
-        body.returns[-1], text = Items((FLOAT,) * len(kind.places)), f"({', '.join(kind.texts())},)"
+        kind, text = Items((FLOAT,) * len(kind.places)), f"({', '.join(kind.texts())},)"
+    try:
+        before = body.returned
+        if before is not None:
+            kind = join(before, kind)
+            kind = number(kind) or kind
+        body.returned = kind
+    except Unfit:
+        raise body.no(value, "returns values of different kinds") from None
     return [f"return {text}"]
 
 

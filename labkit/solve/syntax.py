@@ -1,6 +1,4 @@
-"""The syntax tree of a Python function, certain to be what runs: tree(f) -> ast.FunctionDef or
-ast.Lambda, or None.
-"""
+"""The syntax tree of a function, certain to be what runs: tree(f) -> a Node, or None."""
 
 from __future__ import annotations
 import __future__
@@ -17,9 +15,7 @@ _FUTURE = sum({getattr(__future__, name).compiler_flag for name in __future__.al
 
 
 def tree(function: types.FunctionType) -> Node | None:
-    """tree(f) -> its syntax tree; None when the source cannot be had or has changed since f was
-    made.
-    """
+    """tree(f) -> its syntax tree; None when its source cannot be had or has changed since."""
     code = function.__code__
     try:
         linecache.checkcache(code.co_filename)
@@ -43,9 +39,7 @@ def tree(function: types.FunctionType) -> Node | None:
 
 @lru_cache(maxsize=64)
 def _parsed(text: str, flags: int) -> tuple[list[Node], set[types.CodeType]]:
-    """The functions in a file or cell, and their code: as one piece, and as IPython compiles it,
-    by statements.
-    """
+    """The functions in a file or cell, and their code: as a whole, and by statements (IPython)."""
     module = ast.parse(text)
     codes = set(_inside(compile(module, "<same>", "exec", flags, True)))
     for statement in module.body:

@@ -15,13 +15,20 @@ then the model runs in plain Python.
 from __future__ import annotations
 
 import ast
+import itertools
 import types
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import reduce
+from math import inf
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from .arithmetic import BINARY
 from .calls import Calls
 from .kinds import FLOAT, MADE, Const, Number, Other, Record, Table, Unfit, growing, join, number
-from .pieces import Piece, counted, short, tuple_of
+from .pieces import Piece, counted, known, short, tuple_of
 from .syntax import tree
 
 if TYPE_CHECKING:
@@ -29,6 +36,7 @@ if TYPE_CHECKING:
 
 UNROLLED = 64  # items of a known list that a loop is written out for
 TURNS = 16  # rounds of a loop that are followed one by one
+FRESH = [Const(function) for function in (np.array, np.zeros, np.ones, np.full)]  # new arrays
 
 
 class Body(Calls):
@@ -46,31 +54,30 @@ class Body(Calls):
         self.program, self.function, self.what = program, function, what
         self.prefix, self.finish = prefix, finish
         self.lines: list[str] = []
-        self.fails = False
-        self.returns: list[Any] = []
-        self._unrolling = False
+        self.parts, self.fails = itertools.count(), False
+        self.returned: Any = None  # the kind of what a helper returns
+        self._breaks: list[dict[str, Any]] = []  # the kinds where the loop at hand is left …
+        self._continues: list[dict[str, Any]] = []  # … and where its next round begins
         program.reads.text(function)
         node = tree(function)
         if node is None:
             raise Unfit(f"{what} cannot be compiled: its source text is not at hand or has changed")
         self.stored = set(function.__code__.co_varnames)
-        self.env: dict[str, Any] = {}
-        self.text: dict[str, str] = {}
-        body = (
-            [ast.Return(node.body, lineno=node.lineno)]
-            if isinstance(node, ast.Lambda)
-            else node.body
-        )
-        changed = {
-            n.id
-            for part in body
-            for n in ast.walk(part)
-            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-        }
-        for name, (text, kind) in given.items():
-            self.env[name], self.text[name] = kind, text
+        body = node.body
+        if isinstance(node, ast.Lambda):
+            body = [ast.Return(node.body, lineno=node.lineno)]
+        changed = _stored_in(*body)
+        inside = [n for part in body for n in ast.walk(part)]
+        places = [n.target for n in inside if isinstance(n, ast.AugAssign)]
+        places += [
+            n.value for n in inside if isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store)
+        ]
+        self.altered = {n.id for n in places if isinstance(n, ast.Name)}  # perhaps in place
+        self.env: dict[str, Any] = {name: kind for name, (_, kind) in given.items()}
+        self.given = {name: text for name, (text, _) in given.items() if name not in changed}
+        for name in given:
             if name in changed:
-                self._set(name, (text, kind), node)
+                self._set(name, given[name])
         if self._block(body):
             raise Unfit(f"{what} can end without a `return`")
 
@@ -79,9 +86,8 @@ class Body(Calls):
         for statement in body:
             method = getattr(self, f"_do_{type(statement).__name__}", None)
             if method is None:
-                raise self.no(
-                    statement, f"has a statement that is not compiled: {short(statement)}"
-                )
+                why = f"has a statement that is not compiled: {short(statement)}"
+                raise self.no(statement, why)
             if method(statement) is False:
                 return False
         return True
@@ -106,10 +112,10 @@ class Body(Calls):
         if value is None:
             raise self.no(node, "returns None")
         if isinstance(value, ast.IfExp):  # two returns, so that tuples need not be of one type
-            parts = [
+            one, two = (
                 [ast.copy_location(ast.Return(part), node)] for part in (value.body, value.orelse)
-            ]
-            self._do_If(ast.copy_location(ast.If(value.test, *parts), node))
+            )
+            self._do_If(ast.copy_location(ast.If(value.test, one, two), node))
         else:
             self.lines += self.finish(self, value)
         return False
@@ -124,79 +130,69 @@ class Body(Calls):
             self._assign(node.target, node.value, node)
 
     def _do_AugAssign(self, node: ast.AugAssign) -> None:
-        if not isinstance(node.target, ast.Name):
-            raise self.no(node, f"changes something in place: {short(node)}")
-        old = ast.copy_location(ast.Name(node.target.id, ast.Load()), node)
-        self._set(
-            node.target.id,
-            self.visit(ast.copy_location(ast.BinOp(old, node.op, node.value), node)),
-            node,
-        )
+        if isinstance(node.target, ast.Name):
+            old = ast.copy_location(ast.Name(node.target.id, ast.Load()), node)
+            text, kind = self.visit(old)
+            if isinstance(kind, Other):  # an array, whose other names see it, too
+                value = self._argument(node, self.visit(node.value))
+                self.lines.append(f"{text} {BINARY[type(node.op)][0]}= {value}")
+                return
+            if number(kind):
+                new = ast.copy_location(ast.BinOp(old, node.op, node.value), node)
+                self._set(node.target.id, self.visit(new))
+                return
+        raise self.no(node, f"changes something in place: {short(node)}")
 
     def _assign(self, target: ast.expr, value: ast.expr, node: ast.AST) -> None:
-        if isinstance(target, ast.Name):
-            self._set(target.id, self.visit(value), node)
-        elif isinstance(target, ast.Tuple | ast.List) and all(
-            isinstance(t, ast.Name) for t in target.elts
-        ):
-            tuples = isinstance(value, ast.Tuple | ast.List)
-            pieces = self.elements(value) if tuples else self.items(self._once(self.visit(value)))
-            if pieces is None or len(pieces) != len(target.elts):
-                raise self.no(
-                    node, f"takes apart what is no tuple of {len(target.elts)}: {short(node)}"
-                )
-            for place, piece in enumerate(pieces):  # all values first: a, b = b, a
-                self._set(f"{target.elts[place].id} new", piece, node)
-            for each in target.elts:
-                name = f"{each.id} new"
-                self._set(each.id, (self.text[name], self.env[name]), node)
+        if isinstance(target, ast.Tuple | ast.List):
+            self._take_apart(target, self.all_items(value), node)
+        elif isinstance(target, ast.Name):
+            text, kind = self.visit(value)
+            new = isinstance(value, ast.Call) and self.visit(value.func)[1] in FRESH
+            if new and target.id in self.altered and (table := self._table((text, kind))):
+                text, kind = f"{table[0]}.copy()", Other()
+            self._set(target.id, (text, kind))
         elif isinstance(target, ast.Subscript) and isinstance(self.visit(target.value)[1], Other):
-            self.lines.append(f"{self.visit(target)[0]} = {self.visit(value)[0]}")
+            text = self._argument(node, self.visit(value))
+            self.lines.append(f"{self.visit(target)[0]} = {text}")
         else:
             raise self.no(node, f"changes something in place: {short(node)}")
 
-    def _set(self, name: str, piece: Piece, node: ast.AST) -> None:
+    def _take_apart(
+        self, target: ast.Tuple | ast.List, pieces: list[Piece] | None, node: ast.AST
+    ) -> None:
+        """(a, b) = pieces, all of them worked out before the first is put into its place."""
+        names = [each.id for each in target.elts if isinstance(each, ast.Name)]
+        if pieces is None or not len(pieces) == len(names) == len(target.elts):
+            count = len(target.elts)
+            raise self.no(node, f"takes apart what is no tuple of {count}: {short(node)}")
+        for name, piece in zip(names, [self.held(piece) for piece in pieces], strict=True):
+            self._set(name, piece)
+
+    def _set(self, name: str, piece: Piece) -> None:
         text, kind = counted(piece)
-        self.env[name], self.text[name] = kind, self.prefix + name.replace(" ", "__")
-        if isinstance(kind, Record) or isinstance(kind, Const) and number(kind) is None:
-            return  # it stands for what it is; nothing to compute
-        self.lines.append(f"{self.text[name]} = {text}")
+        self.env[name] = kind
+        if not isinstance(kind, Record) and (not isinstance(kind, Const) or number(kind)):
+            self.lines.append(f"{self.named(name)} = {text}")  # else there is nothing to compute
 
     def _do_If(self, node: ast.If) -> bool:
-        test, kind = self.visit(node.test)
+        test, kind = self.truth(node.test)
         if isinstance(kind, Const):
             return self._block(node.body if kind.value else node.orelse)
-        before, texts = self.env.copy(), self.text.copy()
+        before = self.env.copy()
         lines, on = self._inside(node.body)
-        one, one_texts = self.env, self.text
-        self.env, self.text = before.copy(), texts
+        one, self.env = self.env, before
         others, other_on = self._inside(node.orelse) if node.orelse else ([], True)
         self.lines += [f"if {test}:", *lines, *(["else:", *others] if others else [])]
-        if on and other_on:
-            self.env, self.text = self._joined(one, self.env), {**one_texts, **self.text}
-        elif on:
-            self.env, self.text = one, one_texts
+        if on:
+            self.env = _joined([one, self.env]) if other_on else one
         return on or other_on
 
-    @staticmethod
-    def _joined(one: dict[str, Any], two: dict[str, Any]) -> dict[str, Any]:
-        """The kinds after two branches; a name that only one of them sets, or that differs, is
-        not to be read.
-        """
-        made = {}
-        for name in one.keys() & two.keys():
-            try:
-                made[name] = join(one[name], two[name])
-            except Unfit:
-                continue
-        return made
+    def _do_While(self, node: ast.While) -> bool:
+        ever = isinstance(node.test, ast.Constant) and bool(node.test.value)
+        return self._loop(node, lambda: f"while {self.truth(node.test)[0]}:", inf if ever else None)
 
-    def _do_While(self, node: ast.While) -> None:
-        self._no_else(node)
-        self._loop(node, lambda: f"while {self.visit(node.test)[0]}:", None)
-
-    def _do_For(self, node: ast.For) -> bool | None:
-        self._no_else(node)
+    def _do_For(self, node: ast.For) -> bool:
         if not isinstance(node.target, ast.Name):
             return self._unroll(node)
         if isinstance(node.iter, ast.Call) and self._is(node.iter.func, range):
@@ -204,120 +200,88 @@ class Body(Calls):
             kinds = [number(kind) for _, kind in pieces]
             if node.iter.keywords or not all(k and not k.floating for k in kinds):
                 raise self.no(node, f"counts over what are no whole numbers: {short(node.iter)}")
-            known = all(isinstance(kind, Const) for _, kind in pieces)
-            count = len(range(*(int(kind.value) for _, kind in pieces))) if known else None
-            bound = max(k.bound for k in kinds)
-            texts = ", ".join(
-                text if isinstance(k, Const) else f"int({text})" for text, k in pieces
-            )
-            item, over = Number(False, MADE if bound > MADE else bound), f"range({texts})"
+            count = None
+            if all(isinstance(kind, Const) for _, kind in pieces):
+                count = len(range(*(int(kind.value) for _, kind in pieces)))
+            texts = [text if isinstance(k, Const) else f"int({text})" for text, k in pieces]
+            over = f"range({', '.join(texts)})"
+            item = Number(False, min(MADE, max(k.bound for k in kinds)))
         else:
             text, kind = self.visit(node.iter)
-            table = self._table((text, kind))
-            if table is None or table[1].ndim != 1:
-                if isinstance(kind, Other):
-                    table, item = (text, Table(FLOAT, 1)), FLOAT
-                else:
-                    return self._unroll(node)
-            over, item, count = table[0], table[1].item, None
-            if isinstance(kind, Const):
-                count = len(kind.value)
+            over, table = self._table((text, kind)) or (text, kind)
+            if isinstance(kind, Other):
+                table = Table(FLOAT, 1)
+            if not isinstance(table, Table) or table.ndim != 1:
+                return self._unroll(node)
+            item, count = table.item, len(kind.value) if isinstance(kind, Const) else None
         name = node.target.id
 
         def head() -> str:
-            self.env[name], self.text[name] = item, self.prefix + name
-            return f"for {self.text[name]} in {over}:"
+            self.env[name] = item
+            return f"for {self.named(name)} in {over}:"
 
-        self._loop(node, head, count)
-        return None
+        return self._loop(node, head, count)
 
-    def _no_else(self, node: ast.For | ast.While) -> None:
+    def _loop(
+        self, node: ast.For | ast.While, head: Callable[[], str], count: float | None
+    ) -> bool:
+        """A loop: its body is gone through until the kinds of its variables change no more, then
+        written. count: of its rounds, as far as that is known.
+        """
         if node.orelse:
             raise self.no(node, "has a loop with `else`, which is not compiled")
-
-    def _loop(self, node: ast.For | ast.While, head: Callable[[], str], count: int | None) -> None:
-        """A loop: its body is gone through until the kinds of its variables change no more, then
-        written.
-        """
-        outside = self.env.copy()
-        history = [outside]
-        unrolling, self._unrolling = self._unrolling, False
-        turns = min(count, TURNS) if count else 3
-        for _ in range(turns):
-            lines, first = self._turn(node, head)
-            after = self._joined(outside, self.env) | {
-                k: v for k, v in self.env.items() if k not in outside
-            }
-            if after == history[-1]:
+        around = self._breaks, self._continues
+        heads = [self.env]  # the kinds where its rounds begin
+        followed = min(count, TURNS) if count and count < inf else 3
+        while True:
+            self._breaks, self._continues = [], []
+            self.env = heads[-1].copy()
+            for name in _stored_in(node) & self.env.keys():  # in a loop they are no constants
+                self.env[name] = number(self.env[name]) or self.env[name]
+            first = head()
+            lines, on = self._inside(node.body)
+            ends = [*self._continues, *([self.env] if on else [])]
+            after = _joined([heads[0], *ends])
+            if after == heads[-1] or len(heads) == count or len(heads) > followed:
                 break
-            history.append(after)
-            self.env = after.copy()
-        else:
-            if count != turns:
-                a, b, c = history[-3:]
-                self.env = {
-                    name: growing(a.get(name), b.get(name), kind) for name, kind in c.items()
-                }
-                lines, first = self._turn(node, head)
-        self._unrolling = unrolling
+            if len(heads) == followed:
+                a, b, c = [*heads, after][-3:]
+                after = {name: growing(a.get(name), b.get(name), k) for name, k in c.items()}
+            heads.append(after)
         self.lines += [first, *lines]
-        if not count:  # perhaps it is not gone through at all
-            self.env = {name: kind for name, kind in self.env.items() if name in outside}
-
-    def _turn(self, node: ast.For | ast.While, head: Callable[[], str]) -> tuple[list[str], str]:
-        known = {name: kind for name, kind in self.env.items()}
-        for name in _stored_in(node):  # inside a loop a variable is no constant
-            if name in known and (kind := number(known[name])) is not None:
-                self.env[name] = kind
-        first = head()
-        lines, _ = self._inside(node.body)
-        return lines, first
+        left = ends if count and count < inf else [] if count else heads[-1:]
+        ways = [*left, *self._breaks]  # in which what follows it is reached
+        self._breaks, self._continues = around
+        self.env = _joined(ways) if ways else self.env
+        return bool(ways)
 
     def _unroll(self, node: ast.For) -> bool:
         """A loop over a few known items, or the items of a tuple, is written out."""
         pieces = self._iterated(node.iter)
-        if pieces is None or len(pieces) > UNROLLED:
+        if pieces is None or len(pieces) > UNROLLED or node.orelse:
             raise self.no(node, f"loops over what is not compiled: {short(node.iter)}")
-        if any(
-            isinstance(n, ast.Break | ast.Continue) for part in node.body for n in ast.walk(part)
-        ):
+        inside = [n for part in node.body for n in ast.walk(part)]
+        if any(isinstance(n, ast.Break | ast.Continue) for n in inside):
             raise self.no(node, "leaves a loop that is written out item by item")
-        for piece in pieces:
+        for piece in [self.held(piece) for piece in pieces]:  # before the body changes them
             if isinstance(node.target, ast.Name):
-                self._set(node.target.id, piece, node)
+                self._set(node.target.id, piece)
             else:
-                inner = self.items(piece)
-                if (
-                    inner is None
-                    or not isinstance(node.target, ast.Tuple)
-                    or len(inner) != len(node.target.elts)
-                ):
-                    raise self.no(node, f"takes apart what is no such tuple: {short(node.target)}")
-                for target, item in zip(node.target.elts, inner, strict=True):
-                    if not isinstance(target, ast.Name):
-                        raise self.no(node, f"takes apart too much at once: {short(node.target)}")
-                    self._set(target.id, item, node)
+                self._take_apart(node.target, self.items(piece), node.target)
             if not self._block(node.body):
                 return False
         return True
 
     def _iterated(self, node: ast.expr) -> list[Piece] | None:
-        """The items that a loop goes over, enumerate and zip included, if they are known one by
-        one.
-        """
+        """What a loop goes over, enumerate and zip included; None if not known one by one."""
         if isinstance(node, ast.Call) and not node.keywords:
             if self._is(node.func, zip):
                 columns = [self._iterated(each) for each in node.args]
-                if None not in columns:
-                    # type: ignore[arg-type]
-                    return [tuple_of(row) for row in zip(*columns, strict=False)]
-                return None
+                return None if None in columns else [*map(tuple_of, zip(*columns, strict=False))]
             if self._is(node.func, enumerate) and len(node.args) == 1:
                 column = self._iterated(node.args[0])
-                return column and [
-                    tuple_of(((str(k), Const(k)), piece)) for k, piece in enumerate(column)
-                ]
-        return self.items(self.visit(node))
+                return column and [tuple_of([known(k), each]) for k, each in enumerate(column)]
+        return self.all_items(node)
 
     def _is(self, node: ast.expr, function: object) -> bool:
         return (
@@ -328,14 +292,24 @@ class Body(Calls):
 
     def _do_Break(self, node: ast.stmt) -> bool:
         self.lines.append("break")
-        return True
+        self._breaks.append(self.env)
+        return False
 
     def _do_Continue(self, node: ast.stmt) -> bool:
         self.lines.append("continue")
-        return True
+        self._continues.append(self.env)
+        return False
 
 
-def _stored_in(node: ast.AST) -> set[str]:
-    return {
-        n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-    }
+def _joined(ways: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The kinds where these ways meet; what is not there in all, or differs, is not to be read."""
+    made = {}
+    for name in [name for name in ways[0] if all(name in way for way in ways)]:
+        with suppress(Unfit):
+            made[name] = reduce(join, [way[name] for way in ways])
+    return made
+
+
+def _stored_in(*nodes: ast.AST) -> set[str]:
+    inside = (n for node in nodes for n in ast.walk(node))
+    return {n.id for n in inside if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
