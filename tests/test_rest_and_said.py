@@ -9,7 +9,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from labkit import At, Ended, Every, Mode, System, Transition, simulate
+from labkit import (
+    At,
+    Ended,
+    Every,
+    Mode,
+    ModelError,
+    System,
+    Transition,
+    simulate,
+    simulate_many,
+)
 
 from .coincidences import bodies, contacts, floors, linear, restarts
 
@@ -352,3 +362,48 @@ def test_what_leaves_rest_by_its_third_derivative_does_not_cross_by_rounding(met
         leaves, *later = (event.t for event in run.events)
         assert leaves == pytest.approx(math.asin(K) - phase, abs=1e-9)
         assert not later or later[0] > leaves + 0.1
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_a_body_rests_on_its_surface_only(size):
+    """A start in a mode of rest off its surface is refused, as one lane's reason, too; where a run
+    has left the body it may start again.
+    """
+    table = System(
+        "ball on a shaken table", {"y": "m", "v": "m/s"}, {"A": size},
+        [
+            Mode("flight", lambda t, s, p: (s.v, -9.81 * p.A)),
+            Mode("rest", lambda t, s, p: (p.A * math.cos(t), -p.A * math.sin(t))),
+        ],
+        [
+            Transition(
+                "flight", "flight", direction=-1, zeno="rest", label="bounce",
+                guard=lambda t, s, p: s.y - p.A * math.sin(t),
+                reset={"v": lambda t, s, p: 1.3 * p.A * math.cos(t) - 0.3 * s.v},
+            )
+        ],
+        {"y": 2.0 * size, "v": 0.0},
+    )  # fmt: skip
+    run = simulate(table, 8.0, backend="plain", rtol=1e-5)
+    assert run.mode[-1] == "rest"
+    again = dict(t0=8.0, mode="rest", backend="plain", rtol=1e-5)
+    assert simulate(table, 9.0, start=run.final, **again).stopped == "finished"
+    off = size * math.sin(8.0) + size * np.array([0.0, 0.5, -3.0])
+    runs = simulate_many(table, 9.0, start={**run.final, "y": off}, **again)
+    assert [run.ended for run in runs] == [Ended.FINISHED, Ended.REFUSED, Ended.REFUSED]
+    with pytest.raises(ModelError, match="rests on the surface of 'bounce': its guard is"):
+        simulate(table, 9.0, start={"y": off[1]}, **again)
+
+
+def test_a_mode_that_is_entered_otherwise_too_is_no_mode_of_rest():
+    ball = System(
+        "ball and hand", {"y": "m", "v": "m/s"}, {},
+        [Mode("flight", lambda t, s, p: (s.v, -9.81)), Mode("held", lambda t, s, p: (0.0, 0.0))],
+        [
+            Transition("flight", "flight", lambda t, s, p: s.y, direction=-1, zeno="held",
+                       reset={"v": lambda t, s, p: -0.5 * s.v}),
+            Transition("flight", "held", at=At(0.1)),
+        ],
+        {"y": 1.0, "v": 0.0},
+    )  # fmt: skip
+    assert simulate(ball, 1.0, mode="held", backend="plain").final["y"] == 1.0
