@@ -407,3 +407,61 @@ def test_a_mode_that_is_entered_otherwise_too_is_no_mode_of_rest():
         {"y": 1.0, "v": 0.0},
     )  # fmt: skip
     assert simulate(ball, 1.0, mode="held", backend="plain").final["y"] == 1.0
+
+
+def above(t, s, p):
+    """Height over a floor that is accelerated."""
+    return s.y - p.H - p.V * (t - p.begin) - p.A * (t - p.begin) ** 2 / 2
+
+
+WRITTEN = {
+    "sign": lambda z: float(np.sign(z)),
+    "step": lambda z: 1.0 if z > 0 else -1.0,
+    "stairs": lambda z: math.floor(8 * z) + 0.5,
+    "cube": lambda z: z**3,
+    "arc": lambda z: math.atan(20 * z),
+    "square": lambda z: (z + 1e-3) ** 2 - 1e-6,
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_ball_rests_on_any_floor_by_any_guard_on_any_clock(name):
+    """A floor that lies high, moves or is accelerated; a guard that jumps, bends or has no slope;
+    flights that shrink slowly, at once, or that never begin.
+    """
+    ball = System(
+        "ball", {"y": "m", "v": "m/s"}, {"e": 0.5, "H": 0.0, "V": 0.0, "A": 0.0, "begin": 0.0},
+        [
+            Mode("fly", lambda t, s, p: (s.v, -9.81)),
+            Mode("rest", lambda t, s, p: (p.V + p.A * (t - p.begin), p.A)),
+        ],
+        [
+            Transition(
+                "fly", "fly", lambda t, s, p: WRITTEN[name](above(t, s, p)), direction=-1,
+                reset={
+                    "v": lambda t, s, p: (1 + p.e) * (p.V + p.A * (t - p.begin)) - p.e * s.v
+                },
+                zeno="rest",
+            )
+        ],
+        {"y": 1.0, "v": 0.0},
+    )  # fmt: skip
+    dice = random.Random(name)
+    for case in range(16):
+        e, H = dice.choice([0.0, 0.01, 0.3, 0.7]), dice.choice([0.0, 1.0, 100.0, 1e3])
+        V, A = dice.choice([0.0, 0.9, -1.6]), dice.choice([0.0, 3.9, -2.9])
+        begin, height = dice.choice([0.0, 1.0, 1e3, 1e6]), dice.choice([0.0, 0.2, 3.0])
+        method = dice.choice(["RK45", "DOP853", "RK4", "LSODA", "BDF"])
+        fall = math.sqrt(2 * height / (9.81 + A))
+        rest = fall * (1 + 2 * e / (1 - e))
+        run = simulate(
+            ball, begin + rest + 1.0, t0=begin, start={"y": H + height, "v": V}, method=method,
+            backend="plain", max_steps=20_000, rtol=1e-8, e=e, H=H, V=V, A=A, begin=begin,
+        )  # fmt: skip
+        assert run.stopped == "finished" and run.mode[-1] == "rest", (case, method, run.stopped)
+        low = min(
+            above(t, ball.S["fly"](y, 0.0), run.p) for t, y in zip(run.t, run["y"], strict=True)
+        )
+        assert low > -2e-4, (case, method, low)
+        lies = [event.t - begin for event in run.events if event.target == "rest"]
+        assert lies == pytest.approx([rest], abs=2e-2), (case, method)
