@@ -465,3 +465,31 @@ def test_a_ball_rests_on_any_floor_by_any_guard_on_any_clock(name):
         assert low > -2e-4, (case, method, low)
         lies = [event.t - begin for event in run.events if event.target == "rest"]
         assert lies == pytest.approx([rest], abs=2e-2), (case, method)
+
+
+@pytest.mark.parametrize("directions", [(1, -1), (0, 0), (1, 0), (0, -1)])
+@pytest.mark.parametrize("scale", [1.0, 1e16, -1e-16])
+def test_a_run_begins_on_a_surface_that_both_flows_push_to(directions, scale):
+    """As one goes on that was cut in two; and passes where they do not."""
+
+    def guard(t, s, p):
+        return scale * (s.x - 3.0)
+
+    up, down = (int(math.copysign(1, scale)) * each for each in directions)
+    system = System(
+        "two fields", {"x": "", "y": ""}, {"b": -1.0},
+        [Mode("A", lambda t, s, p: (2.0, 1.0)), Mode("B", lambda t, s, p: (p.b, 0.0))],
+        [
+            Transition("A", "B", guard=guard, direction=up),
+            Transition("B", "A", guard=guard, direction=down),
+        ],
+        {"x": 3.0, "y": 0.0},
+    )  # fmt: skip
+    for t0 in (0.0, 1e5):
+        for mode in "AB":
+            run = simulate(system, t0 + 3.0, t0=t0, mode=mode, backend="plain")
+            assert run.events[-1].target == "sliding" and run.events[-1].t == t0
+            assert run.final["x"] == pytest.approx(3.0, abs=1e-12)
+            assert run.final["y"] == pytest.approx(1.0, abs=1e-7)  # a third of A
+        run = simulate(system, t0 + 3.0, t0=t0, mode="B", b=1.0, backend="plain")
+        assert run.final["x"] == pytest.approx(6.0) and not len(run.events)

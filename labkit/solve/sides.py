@@ -206,10 +206,12 @@ def leaving(model, w, p, mode, n, t, k, value, band):
         e = max(first, 2.0 * CLEAR * band / abs(slope))
         if e <= 0.1 * w.f[H]:
             look(model, w, p, mode, n, t, e, 2, w.g_look)
-            gone = w.g_look[k]
-            straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)  # the slope may be rounding
-            ratio = gone / w.g_away[k] if w.g_away[k] != 0.0 else 0.0
-            if 0.25 < ratio < 4.0 and abs(gone) > 0.25 * CLEAR * band:
+            gone, by_slope = w.g_look[k], slope * e
+            if abs(w.g_ahead[k]) < band:  # the slope may be rounding
+                straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
+                by_slope = w.g_away[k]
+            near = 0.25 * abs(by_slope) < abs(gone) < 4.0 * abs(by_slope)
+            if near and (gone > 0.0) == (by_slope > 0.0) and abs(gone) > 0.25 * CLEAR * band:
                 w.f[LATER], w.f[GONE_T] = t, e
                 return 1 if gone > 0.0 else -1
     # The slope says nothing, or what it says is over before it can be told from rounding
