@@ -322,14 +322,17 @@ def after_leap(model, w, p, mode, n, t, k):
     """
     know_flow(model, w, p)
     e = leap_reach(w, t)
-    while e <= 64.0 * w.f[H]:
+    found, far = 0, 4096.0 * e  # it may have been located so late that it has to come back first
+    while e <= 64.0 * w.f[H] and (found == 0 or e <= far):
         look(model, w, p, mode, n, t, e, 2, w.g_look)
-        found = -2 if w.g_look[k] <= 0.0 else 2
-        if shaken(model, w, p, mode, n, t + e, w.y_look, k) == 0.0:
+        back = w.g_look[k] <= 0.0
+        if (found == 0 or back) and shaken(model, w, p, mode, n, t + e, w.y_look, k) == 0.0:
             w.f[LATER], w.f[GONE_T] = t + e, e
-            return found
+            if back:
+                return -2
+            found = 2
         e *= 2.0
-    return 0
+    return found
 
 
 def sides(model, w, p, how, fired):
