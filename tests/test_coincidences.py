@@ -271,6 +271,47 @@ def test_a_start_beyond_a_guard_is_refused_beside_a_large_state(backend):
         simulate(system, 1.0, backend=backend)
 
 
+# ---------------------------------------------------------------- what rounding tears apart
+
+
+def moving(u, transitions, start=0.0, **held):
+    """x' = u in A and in B."""
+    modes = [Mode(name, lambda t, s, p: (p.u,)) for name in "AB"]
+    held = {name: ("", value) for name, value in held.items()}
+    return System("moving", {"x": ""}, {"u": u}, modes, transitions, {"x": start}, held=held)
+
+
+@both
+@pytest.mark.parametrize(("one", "two"), [(1000.3, 0.1), (1000.1, 0.7), (777.7, 0.3)])
+def test_held_variables_are_terms_of_a_guard(backend, one, two):
+    """A schedule puts x on the surface, to rounding; x falls, so nothing has crossed."""
+    system = moving(
+        -1.0,
+        [
+            Transition("A", "A", at=At(1.0), reset={"x": two}),
+            Transition("A", "B", guard=lambda t, s, p: s.x + s.one - s.sum, direction=1),
+        ],
+        one=one,
+        sum=one + two - 2.0**-43,
+    )
+    assert len(simulate(system, 2.0, backend=backend).events) == 1
+
+
+@both
+@pytest.mark.parametrize("t", [2 / 3, 4 / 9, 8 / 9])
+def test_a_held_variable_that_jumps_leaves_the_clock_as_it_is(backend, t):
+    """On the surface within the clock's rounding and moving away: as without the jump."""
+    system = moving(
+        1.0,
+        [
+            Transition("A", "A", at=At(1e9 + t), reset={"level": t}),
+            Transition("A", "B", guard=lambda t, s, p: s.x - s.level, direction=-1),
+        ],
+        level=-5.0,
+    )
+    assert len(simulate(system, 1e9 + 2, t0=1e9, backend=backend).events) == 1
+
+
 # ---------------------------------------------------------------- the reference itself
 
 ONE, ZERO = Fraction(1), Fraction(0)

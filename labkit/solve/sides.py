@@ -44,7 +44,9 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
     total = 0.0
     for i in range(n):
         w.y_shake[i] = y[i]
-    for i in range(n):
+    held = w.i[HELD] if wide == 0 else 0  # they are exact, but terms like others
+    for place in range(n + held):
+        i = place if place < n else w.i[WIDTH] + place - n
         size = w.most[i] if wide == 1 else abs(y[i])
         if size > 0.0:
             w.y_shake[i] = y[i] + SHAKE * size
@@ -347,7 +349,7 @@ def sides(model, w, p, how, fired):
             # On the surface within the rounding of the clock: its crossing belongs to this instant
             # (a bound of its slope first: that costs little)
             steep = w.swing[slot]
-            if how == ENTERED or how == START:
+            if how == ENTERED or how == START or steep == 0.0:
                 steep = steepest(model, w, p, n, slot)
             reach = tick * steep
             if abs(value) <= reach:
