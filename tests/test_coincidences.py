@@ -282,6 +282,40 @@ def moving(u, transitions, start=0.0, **held):
 
 
 @both
+@pytest.mark.parametrize(("x", "u", "t"), [(10.37, 1.0, 0.5), (9.8, -0.7, 1.1), (10.1, -0.7, 0.5)])
+def test_a_guard_and_a_schedule_meet_within_the_rounding_of_the_guard(backend, x, u, t):
+    """The guard's zero lies some roundings of x before the schedule, which has the priority."""
+    level = x + u * t
+    for method in ("RK4", "RK45", "DOP853"):
+        system = moving(
+            u,
+            [
+                Transition("A", "B", guard=lambda t, s, p, level=level: s.x - level),
+                Transition("A", "B", at=At(t), priority=1),
+            ],
+            x,
+        )
+        run = simulate(system, 5.0, method=method, step=0.0625, backend=backend)
+        assert [(e.index, e.t) for e in run.events] == [(1, t)]
+
+
+@both
+def test_a_dead_time_and_a_schedule_meet_within_the_rounding_of_the_crossing(backend):
+    system = moving(
+        -1 / 2500,
+        [
+            Transition("A", "B", at=At(-300.0)),
+            Transition(
+                "A", "B", guard=lambda t, s, p: 0.1 * s.x - 0.8 + 0.886, direction=-1, delay=600.0
+            ),
+        ],
+        -0.7,
+    )
+    run = simulate(system, 1700.0, t0=-1300.0, step=62.5, method="RK4", backend=backend)
+    assert [e.index for e in run.events] == [0]
+
+
+@both
 @pytest.mark.parametrize(("one", "two"), [(1000.3, 0.1), (1000.1, 0.7), (777.7, 0.3)])
 def test_held_variables_are_terms_of_a_guard(backend, one, two):
     """A schedule puts x on the surface, to rounding; x falls, so nothing has crossed."""

@@ -6,7 +6,7 @@ crossing is used once; `sides` says who waits.
 """
 
 from .layout import *
-from .sides import CLEAR, know_flow, leaves, sides
+from .sides import CLEAR, TICKS, know_flow, leaves, sides
 from .sliding import begin_sliding, guard_place, mixing, rates
 from .step import sized
 
@@ -108,7 +108,7 @@ def arrive(model, w, p):
     due.
     """
     i, f = w.i, w.f
-    f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
+    f[UNTIL] = f[T] + TICKS * EPS * abs(f[T])
     i[BUSY], i[ENTRY] = 1, 1
     return sides(model, w, p, ARRIVE, -9)
 

@@ -150,7 +150,7 @@ class Settings:
             core.EVENT_T: -1e300,
             core.CAP: 1e300,
             core.BEFORE: options.t0,
-            core.UNTIL: options.t0 + 8 * core.EPS * abs(options.t0),
+            core.UNTIL: options.t0 + core.TICKS * core.EPS * abs(options.t0),
         }.items():
             f0[place] = value
         states = [system.states_of(m) for m in modes]

@@ -130,7 +130,8 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
     system, lanes = settings.system, len(p)
     refused: Refused = {}
     t0 = settings.options.t0
-    over = t0 + 8 * core.EPS * abs(t0) if t0 != 0.0 else -5e-324  # what strikes up to here is over
+    # what strikes up to here is over
+    over = float(settings.fixed["f0"][core.UNTIL]) if t0 != 0.0 else -5e-324
     plans, plan_from = settings.plans, settings.fixed["plan_from"]
 
     def resolve(
