@@ -346,6 +346,31 @@ def test_a_held_variable_that_jumps_leaves_the_clock_as_it_is(backend, t):
     assert len(simulate(system, 1e9 + 2, t0=1e9, backend=backend).events) == 1
 
 
+@both
+@pytest.mark.parametrize("reset", [None, {"n": lambda t, s, p: s.n + 1}])
+def test_a_count_at_a_seam_belongs_to_the_run_that_ends_there(backend, reset):
+    """… but a ball that starts on the floor and falls is thrown back."""
+    loop = Transition("A", "A", guard=lambda t, s, p: s.x - 1, direction=1, reset=reset)
+    system = moving(1.0, [loop], n=0.0)
+    one = simulate(system, 1.0, backend=backend)
+    two = simulate(system, 3.0, t0=1.0, start=one.final, backend=backend)
+    assert len(one.events) == 1 and not two.events
+
+    ball = System(
+        "ball",
+        {"y": "", "v": ""},
+        {},
+        [Mode("A", lambda t, s, p: (s.v, -1.0))],
+        [
+            Transition(
+                "A", "A", guard=lambda t, s, p: s.y, direction=-1, reset={"v": lambda t, s, p: -s.v}
+            )
+        ],
+        {"y": 0.0, "v": -1.0},
+    )
+    assert [e.t for e in simulate(ball, 6.0, t0=5.0, backend=backend).events] == [5.0]
+
+
 # ---------------------------------------------------------------- the reference itself
 
 ONE, ZERO = Fraction(1), Fraction(0)

@@ -400,7 +400,8 @@ def sides(model, w, p, how, fired):
                 if clear and urgent == REFUSE:
                     i[WHO] = max(q, 0)
                     return BAD_START
-                w.wait[slot] = 0 if urgent == NO else 1
+                over = urgent == REFUSE and acted_before(model, w, p, mode, n, t, k, q) == 1
+                w.wait[slot] = 0 if urgent == NO or over else 1
         elif q == fired and how == JUMPED_TO:
             w.wait[slot] = 1 if again else 0
             if not clear and now == was and order != 0 and not again:
@@ -426,6 +427,27 @@ def left_before(w, q):
     """Does transition q leave the mode that the last event came from?"""
     before = int(w.ledger[w.i[LEDGER] - 1][3])
     return before >= 0 and w.source[q][before] == 1
+
+
+def acted_before(model, w, p, mode, n, t, k, q):
+    """Is a guard that is beyond at the start one that has acted in the run which ended there (1)?
+
+    Its transition leads back into the mode and leaves it beyond: nothing has crossed anew. As with
+    schedules a run from t = 0 has none before it.
+    """
+    if t == 0.0 or w.target[q] != mode or w.delay[w.i[LANE]][q] > 0.0:
+        return 0
+    after = w.y_look
+    reset(model, q, mode, t, w.y, p, after)
+    rates(model, w, mode, n, t, after, p, w.ahead[1])
+    for i in range(n):
+        after[i] += w.f[GONE_T] * w.ahead[1][i]
+    watch(model, w, mode, n, t + w.f[GONE_T], after, p, w.g_look)
+    w.i[FLOWS] += 1
+    w.i[GUARDS] += 1
+    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+        after[i] = w.y[i]
+    return 1 if w.g_look[k] > 0.0 else 0
 
 
 def turned_back(model, w, p, mode, n, t, k, band, now):
