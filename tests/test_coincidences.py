@@ -231,6 +231,27 @@ def test_a_box_that_friction_stops(backend, directions):
     assert all(e.t == pytest.approx(10 / 2.94, abs=1e-11) for e in run.events) and run.events
 
 
+@both
+def test_switches_are_counted_until_the_state_slides(backend):
+    """… and the flows on the surface read the count that is in the ledger."""
+    count = {"n": lambda t, s, p: s.n + 1}
+    system = System(
+        "counted switches",
+        {"x": "", "z": ""},
+        {},
+        [Mode("A", lambda t, s, p: (1.0, s.n)), Mode("B", lambda t, s, p: (-2.0, s.n))],
+        [
+            Transition("A", "B", guard=lambda t, s, p: s.x, direction=1, reset=count),
+            Transition("B", "A", guard=lambda t, s, p: s.x, direction=-1, reset=count),
+        ],
+        {"x": -0.5, "z": 0.0},
+        held={"n": ("", 0.0)},
+    )
+    run = simulate(system, 3.0, backend=backend, max_steps=1000)
+    assert run.stopped == "finished" and run.final["n"] == 1
+    assert run.final["z"] == pytest.approx(2.5, abs=1e-9)
+
+
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
 @pytest.mark.parametrize("law", ["constant", "falling"])
 def test_no_force_on_the_belt_ends_in_a_loop(law, method):

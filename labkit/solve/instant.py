@@ -209,6 +209,7 @@ def happen(model, w, p, q):
 def start_sliding(model, w, p):
     i = w.i
     n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
+    carry(w)  # the reset that was only tried may have changed held variables
     i[SLIDING] = 0
     leave(model, w, p, i[SLIDE_B], i[SLIDE_B], n, surface)
     i[SLIDING] = 1
