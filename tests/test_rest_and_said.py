@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from labkit import At, Ended, Every, Mode, System, Transition, simulate
+from labkit import At, Ended, Every, Mode, ModelError, System, Transition, simulate
 
 from .coincidences import bodies, contacts, floors, linear, restarts
 
@@ -316,6 +316,18 @@ def test_a_schedule_written_out_twice_is_one_clock():
     ):
         apart = simulate(circuit(one, other), 1.2, backend="plain")
         assert [e.target for e in apart.events] == ["off", "on"]
+
+
+def test_a_schedule_that_asks_for_a_name_without_a_value_is_said():
+    for at in (At(lambda p: later), Every(lambda p: later)):
+        bare = System(
+            "bare", {"x": ""}, {}, [Mode("A", lambda t, s, p: (1.0,))],
+            [Transition("A", "A", at=at)], {"x": 0.0},
+        )  # fmt: skip
+        with pytest.raises(ModelError, match="cannot be worked out: NameError"):
+            simulate(bare, 1.0, backend="plain")
+    later = 1.0
+    assert [e.t for e in simulate(bare, 1.0, backend="plain").events] == [later]
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "RK4"])

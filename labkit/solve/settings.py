@@ -28,8 +28,12 @@ def _told(at: object) -> object:
         return At, *map(_told, at.instants)
     if not isinstance(at, FunctionType):
         return at
-    code, held = at.__code__, [cell.cell_contents for cell in at.__closure__ or ()]
-    held += [*(at.__defaults__ or ()), *(at.__kwdefaults__ or {}).values()]
+    code, held = at.__code__, [*(at.__defaults__ or ()), *(at.__kwdefaults__ or {}).values()]
+    for cell in at.__closure__ or ():
+        try:
+            held.append(cell.cell_contents)
+        except ValueError:  # a name not given yet
+            held.append(cell)
     held = [each if isinstance(each, int | float | str) else id(each) for each in held]
     return code.co_code, code.co_consts, code.co_names, held, id(at.__globals__)
 

@@ -148,7 +148,7 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
             for lane, values in enumerate(p.tolist()):
                 try:
                     found[lane] = system.resolve(value, system.P(*values), what)
-                except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
+                except Exception as error:
                     refused.setdefault(lane, _said(error, what))
         if not (fits := allowed(found)).all():
             for lane in np.flatnonzero(~fits & np.isfinite(found)).tolist():
