@@ -209,6 +209,30 @@ def test_a_jump_undoes_a_crossing(backend):
     assert run.final["n"] == 1
 
 
+def reaches_one(t, s, p):
+    return s.x - 1
+
+
+@both
+@pytest.mark.parametrize("second", [1, 0])
+@pytest.mark.parametrize("first", ["clock", 1, 0])
+def test_a_crossing_waits_though_the_mode_after_turns_back(backend, first, second):
+    """x reaches 1 at t = 1, where what goes first sends it back: no reset has undone that."""
+    go = {"at": At(1.0)} if first == "clock" else {"guard": reaches_one, "direction": first}
+    system = System(
+        "turned back",
+        {"x": ""},
+        {},
+        [Mode("A", lambda t, s, p: (1.0,)), Mode("B", lambda t, s, p: (-1.0,))],
+        [
+            Transition("A", "B", priority=1, **go),
+            Transition(("A", "B"), "B", guard=lambda t, s, p: 2 * (s.x - 1), direction=second),
+        ],
+        {"x": 0.0},
+    )
+    assert [e.index for e in simulate(system, 3.0, backend=backend).events] == [0, 1]
+
+
 # ---------------------------------------------------------------- no direction, sliding
 
 

@@ -380,18 +380,17 @@ def sides(model, w, p, how, fired):
         again = urgent == YES and q >= 0 and now > 0 and w.delay[i[LANE]][max(q, 0)] == 0.0
         if how == ENTERED:
             beyond = directed and now > 0
-            turned = 0
-            if not clear and not directed:
-                turned = turned_back(model, w, p, mode, n, t, k, band, now)
-            if w.wait[slot] == 1:  # it leaves the mode before, too
-                w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
+            if w.wait[slot] == 1:  # it leaves the mode before, too: only a jump undoes its crossing
+                kept = not clear and kept_state(w, n) == 1
+                w.wait[slot] = 1 if beyond or kept or not directed and now == was else 0
             elif q != fired:
                 # one that the mode before had, too, and that has acted at this instant, is not
                 # beyond anew
                 acted = w.came[slot] >= 2 and was > 0 and left_before(w, q)
-                w.wait[slot] = turned
                 if beyond and urgent != NO and not acted:
                     w.wait[slot] = 1
+                elif not clear and not directed:
+                    w.wait[slot] = turned_back(model, w, p, mode, n, t, k, band, now)
         elif how == START:
             if directed and now > 0:
                 if clear and urgent == REFUSE:
@@ -454,7 +453,7 @@ def turned_back(model, w, p, mode, n, t, k, band, now):
     It has the far side of the arrival: the sign of its slope along the flow of the mode before.
     """
     before = int(w.ledger[w.i[LEDGER] - 1][3])
-    if before < 0 or w.size[before] != n or kept_state(w, n) == 0:
+    if before < 0 or kept_state(w, n) == 0:
         return 0
     flow(model, before, t, w.y, p, w.ahead[1])
     w.i[FLOWS] += 1
