@@ -328,6 +328,18 @@ def test_a_schedule_written_out_twice_is_one_clock():
         assert [e.target for e in apart.events] == ["off", "on"]
 
 
+def test_a_schedule_that_asks_for_a_name_without_a_value_is_said():
+    for at in (At(lambda p: later), Every(lambda p: later)):
+        bare = System(
+            "bare", {"x": ""}, {}, [Mode("A", lambda t, s, p: (1.0,))],
+            [Transition("A", "A", at=at)], {"x": 0.0},
+        )  # fmt: skip
+        with pytest.raises(ModelError, match="cannot be worked out: NameError"):
+            simulate(bare, 1.0, backend="plain")
+    later = 1.0
+    assert [e.t for e in simulate(bare, 1.0, backend="plain").events] == [later]
+
+
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "RK4"])
 def test_what_leaves_rest_by_its_third_derivative_does_not_cross_by_rounding(method):
     """Force and holding force cancel at that instant but for their rounding, of either sign."""

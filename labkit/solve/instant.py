@@ -6,7 +6,7 @@ crossing is used once; `sides` says who waits.
 """
 
 from .layout import *
-from .sides import CLEAR, know_flow, leaves, shaken, sides
+from .sides import CLEAR, TICKS, know_flow, leaves, shaken, sides
 from .sliding import back_to_surface, begin_sliding, guard_place, mixing, rates
 from .step import sized
 
@@ -108,7 +108,7 @@ def arrive(model, w, p):
     due.
     """
     i, f = w.i, w.f
-    f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
+    f[UNTIL] = f[T] + TICKS * EPS * abs(f[T])
     i[BUSY], i[ENTRY] = 1, 1
     return sides(model, w, p, ARRIVE, -9)
 
@@ -209,6 +209,7 @@ def happen(model, w, p, q):
 def start_sliding(model, w, p):
     i = w.i
     n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
+    carry(w)  # the reset that was only tried may have changed held variables
     i[SLIDING] = 0
     leave(model, w, p, i[SLIDE_B], i[SLIDE_B], n, surface)
     i[SLIDING] = 1

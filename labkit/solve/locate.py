@@ -322,6 +322,11 @@ def find_event(model, w, p, mode, n, t, h, entry):
             if chosen < 0:
                 chosen = k
             latest = max(latest, w.root[k])
+            # What is due at the end is due now, if the guard cannot tell it from its crossing
+            last = w.at_node[top][k]
+            own = doubt(model, w, p, mode, n, t + h, w.y_new, k, last)
+            if (1.0 - latest) * h * w.swing[slot] <= own and abs(last) <= own:
+                latest = 1.0
             w.came[slot] = 1
             w.side[slot] = w.turn[k]
         else:

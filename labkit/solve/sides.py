@@ -44,7 +44,9 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
     total = 0.0
     for i in range(n):
         w.y_shake[i] = y[i]
-    for i in range(n):
+    held = w.i[HELD] if wide == 0 else 0  # they are exact, but terms like others
+    for place in range(n + held):
+        i = place if place < n else w.i[WIDTH] + place - n
         size = w.most[i] if wide == 1 else abs(y[i])
         if size > 0.0:
             w.y_shake[i] = y[i] + SHAKE * size
@@ -396,7 +398,7 @@ def sides(model, w, p, how, fired):
             # On the surface within the rounding of the clock: its crossing belongs to this instant
             # (a bound of its slope first: that costs little)
             steep = w.swing[slot]
-            if how == ENTERED or how == START:
+            if how == ENTERED or how == START or steep == 0.0:
                 steep = steepest(model, w, p, n, slot)
             reach = tick * steep
             if abs(value) <= reach:
@@ -417,11 +419,8 @@ def sides(model, w, p, how, fired):
             else:
                 order = leaving(model, w, p, mode, n, t, k, value, band)
             now = 1 if order > 0 else -1
-            if order == 0 and (how == ARRIVE or how == JUMPED_TO):
-                if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
-                    now, clear = was, True  # a guard that jumps itself: no reset has put it back
-                elif not directed:
-                    now = was  # to rest on a surface is not to cross it
+            if order == 0 and not directed and (how == ARRIVE or how == JUMPED_TO):
+                now = was  # to rest on a surface is not to cross it
         w.flat[slot] = 0 if clear else 1
         if clear:
             w.slack[slot] = 0.0
@@ -430,26 +429,27 @@ def sides(model, w, p, how, fired):
         again = urgent == YES and q >= 0 and now > 0 and w.delay[i[LANE]][max(q, 0)] == 0.0
         if how == ENTERED:
             beyond = directed and now > 0
-            turned = 0
-            before = int(w.ledger[i[LEDGER] - 1][3])
-            if not clear and not directed and before >= 0 and w.size[before] == n:
-                if kept_state(w, n) == 1:
-                    turned = opposed(model, w, p, mode, before, n, t, k, band, now)
-            if w.wait[slot] == 1:  # it leaves the mode before, too
-                w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
+            if w.wait[slot] == 1:  # it leaves the mode before, too: only a jump undoes its crossing
+                kept = not clear and kept_state(w, n) == 1
+                w.wait[slot] = 1 if beyond or kept or not directed and now == was else 0
             elif q != fired:
                 # one that the mode before had, too, and that has acted at this instant, is not
                 # beyond anew
                 acted = w.came[slot] >= 2 and was > 0 and left_before(w, q)
-                w.wait[slot] = turned
                 if beyond and urgent != NO and not acted:
                     w.wait[slot] = 1
+                elif not clear and not directed and kept_state(w, n) == 1:
+                    before = int(w.ledger[i[LEDGER] - 1][3])
+                    if before >= 0:
+                        w.wait[slot] = opposed(model, w, p, mode, before, n, t, k, band, now)
         elif how == START:
             if directed and now > 0:
                 if clear and urgent == REFUSE:
                     i[WHO] = max(q, 0)
                     return BAD_START
-                w.wait[slot] = 0 if urgent == NO else 1
+                over = order == 1 and urgent == REFUSE  # a body at rest there is not over it
+                over = over and acted_before(model, w, p, mode, n, t, k, q) == 1
+                w.wait[slot] = 0 if urgent == NO or over else 1
             elif not directed and not clear and returns(model, w, p, q, mode, n, t) == 1:
                 # where both flows push towards the surface, the run begins on it
                 w.wait[slot] = opposed(model, w, p, mode, w.target[q], n, t, k, band, now)
@@ -478,6 +478,27 @@ def left_before(w, q):
     """Does transition q leave the mode that the last event came from?"""
     before = int(w.ledger[w.i[LEDGER] - 1][3])
     return before >= 0 and w.source[q][before] == 1
+
+
+def acted_before(model, w, p, mode, n, t, k, q):
+    """Is a guard that is beyond at the start one that has acted in the run which ended there (1)?
+
+    Its transition leads back into the mode and leaves it beyond: nothing has crossed anew. As with
+    schedules a run from t = 0 has none before it.
+    """
+    if t == 0.0 or w.target[q] != mode or w.delay[w.i[LANE]][q] > 0.0:
+        return 0
+    after = w.y_look
+    reset(model, q, mode, t, w.y, p, after)
+    rates(model, w, mode, n, t, after, p, w.ahead[1])
+    for i in range(n):
+        after[i] += w.f[GONE_T] * w.ahead[1][i]
+    watch(model, w, mode, n, t + w.f[GONE_T], after, p, w.g_look)
+    w.i[FLOWS] += 1
+    w.i[GUARDS] += 1
+    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+        after[i] = w.y[i]
+    return 1 if w.g_look[k] > 0.0 else 0
 
 
 def returns(model, w, p, q, mode, n, t):

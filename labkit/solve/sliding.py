@@ -144,6 +144,8 @@ def begin_sliding(model, w, p, second):
 def kept_state(w, n):
     """Has the last event left the state as it was, but for rounding (1)?"""
     line = w.ledger[w.i[LEDGER] - 1]
+    if line[3] >= 0 and w.size[int(line[3])] != n:
+        return 0
     for i in range(n):
         if abs(line[5 + i] - w.y[i]) > KEPT * w.most[i]:
             return 0

@@ -171,7 +171,8 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
     system, lanes = settings.system, len(p)
     refused: Refused = {}
     t0 = settings.options.t0
-    over = t0 + 8 * core.EPS * abs(t0) if t0 != 0.0 else -5e-324  # what strikes up to here is over
+    # what strikes up to here is over
+    over = float(settings.fixed["f0"][core.UNTIL]) if t0 != 0.0 else -5e-324
     plans, plan_from = settings.plans, settings.fixed["plan_from"]
 
     def resolve(
@@ -188,7 +189,7 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
             for lane, values in enumerate(p.tolist()):
                 try:
                     found[lane] = system.resolve(value, system.P(*values), what)
-                except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
+                except Exception as error:
                     refused.setdefault(lane, _said(error, what))
         if not (fits := allowed(found)).all():
             for lane in np.flatnonzero(~fits & np.isfinite(found)).tolist():
