@@ -299,9 +299,9 @@ def leaps(model, w, p, mode, n, t, k, swing, last):
     return 1 if near > 0.125 * far and near > 2e-8 * swing * last else -1
 
 
-def at_leap(model, w, p, mode, n, t, k):
-    """Is the k-th guard at its jump still (1), after an event? Then the rounding of a state, or the
-    flow by which it came, goes through it.
+def at_leap(model, w, p, mode, n, t, k, slot):
+    """Is the k-th guard at its jump still (1), after an event? Then the reset has left it as it was
+    located, or the rounding of a state, or the flow by which it came, goes through it.
     """
     if shaken(model, w, p, mode, n, t, w.y, k) > 0.0:
         return 1
@@ -311,6 +311,10 @@ def at_leap(model, w, p, mode, n, t, k):
         return 0
     for i in range(n):
         w.y_shake[i] = line[5 + i]
+    watch(model, w, mode, n, t, w.y_shake, p, w.g_look)
+    w.i[GUARDS] += 1
+    if w.came[slot] == 2 and w.g_look[k] == w.g[k]:
+        return 1
     flow(model, before, t, w.y_shake, p, w.ahead[1])
     w.i[FLOWS] += 1
     straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * leap_reach(w, t), w.g_away)
@@ -393,7 +397,7 @@ def sides(model, w, p, how, fired):
         band = own + 2.0 * w.slack[slot]
         clear = abs(value) > band
         if jumped:
-            clear = how != START and at_leap(model, w, p, mode, n, t, k) == 0
+            clear = how != START and at_leap(model, w, p, mode, n, t, k, slot) == 0
         elif clear and i[LOCATE] == 1:
             # On the surface within the rounding of the clock: its crossing belongs to this instant
             # (a bound of its slope first: that costs little)
