@@ -167,6 +167,12 @@ def nearby(w, t):
     return (t + e) - t if abs(t) < 1e300 * e else e
 
 
+def soonest(w, t):
+    """After what time the clock can tell anything."""
+    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
+    return 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
+
+
 def slope_ahead(model, w, p, mode, n, t, k):
     """dg/dt of the k-th guard along the flow; all guards are worked out at once."""
     e = nearby(w, t)
@@ -202,8 +208,7 @@ def leaving(model, w, p, mode, n, t, k, value, band):
     now.
     """
     slope = slope_ahead(model, w, p, mode, n, t, k)
-    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
-    first = 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
+    first = soonest(w, t)
     if slope != 0.0 and isfinite(slope):
         e = max(first, 2.0 * CLEAR * band / abs(slope))
         if e <= 0.1 * w.f[H]:
@@ -248,12 +253,6 @@ def leaving(model, w, p, mode, n, t, k, value, band):
     return found
 
 
-def leap_reach(w, t):
-    """How far from a jump a guard's sign is asked for."""
-    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
-    return 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
-
-
 def shaken(model, w, p, mode, n, t, y, k, times=1.0):
     """By how much the k-th guard changes where a state, or the clock, is off by its own rounding,
     or so many times that; 0 if its sign does not depend on that.
@@ -287,7 +286,7 @@ def leaps(model, w, p, mode, n, t, k, swing, last):
     if w.i[SLIDING] == 1:
         return -1
     know_flow(model, w, p)
-    e = leap_reach(w, t)
+    e = soonest(w, t)
     straight(model, w, p, mode, n, t, w.y, w.k[0], 16.0 * e, w.g_away)
     far = abs(w.g_away[k])
     straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
@@ -317,7 +316,7 @@ def at_leap(model, w, p, mode, n, t, k, slot):
         return 1
     flow(model, before, t, w.y_shake, p, w.ahead[1])
     w.i[FLOWS] += 1
-    straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * leap_reach(w, t), w.g_away)
+    straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * soonest(w, t), w.g_away)
     back, half = w.g_look[k], w.g_away[k]
     return 1 if (back > 0.0) != (back + 2.0 * half > 0.0) else 0
 
@@ -327,7 +326,7 @@ def after_leap(model, w, p, mode, n, t, k):
     does not depend on rounding (w.f[LATER], in a time w.f[GONE_T]); 0 if it always does.
     """
     know_flow(model, w, p)
-    e = leap_reach(w, t)
+    e = soonest(w, t)
     found, far = 0, 4096.0 * e  # it may have been located so late that it has to come back first
     while e <= 64.0 * w.f[H] and (found == 0 or e <= far):
         look(model, w, p, mode, n, t, e, 2, w.g_look)
