@@ -286,16 +286,17 @@ def leaps(model, w, p, mode, n, t, k, swing, last):
     if w.i[SLIDING] == 1:
         return -1
     know_flow(model, w, p)
-    e = soonest(w, t)
-    straight(model, w, p, mode, n, t, w.y, w.k[0], 16.0 * e, w.g_away)
-    far = abs(w.g_away[k])
+    e, least = soonest(w, t), 2e-8 * swing * last
     straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
     near = abs(w.g_away[k])
-    if near > 0.125 * far and near > 2e-8 * swing * last:  # a slope goes 16 times as far
-        return 1
-    far = shaken(model, w, p, mode, n, t, w.y, k, 16.0)
+    if near > least:
+        straight(model, w, p, mode, n, t, w.y, w.k[0], 16.0 * e, w.g_away)
+        if near > 0.125 * abs(w.g_away[k]):  # a slope goes 16 times as far
+            return 1
     near = shaken(model, w, p, mode, n, t, w.y, k)
-    return 1 if near > 0.125 * far and near > 2e-8 * swing * last else -1
+    if near > least and near > 0.125 * shaken(model, w, p, mode, n, t, w.y, k, 16.0):
+        return 1
+    return -1
 
 
 def at_leap(model, w, p, mode, n, t, k, slot):
