@@ -436,12 +436,8 @@ WRITTEN = {
 }
 
 
-@pytest.mark.parametrize("name", WRITTEN)
-def test_a_ball_rests_on_any_floor_by_any_guard_on_any_clock(name):
-    """A floor that lies high, moves or is accelerated; a guard that jumps, bends or has no slope;
-    flights that shrink slowly, at once, or that never begin.
-    """
-    ball = System(
+def grounded(name):
+    return System(
         "ball", {"y": "m", "v": "m/s"}, {"e": 0.5, "H": 0.0, "V": 0.0, "A": 0.0, "begin": 0.0},
         [
             Mode("fly", lambda t, s, p: (s.v, -9.81)),
@@ -450,14 +446,34 @@ def test_a_ball_rests_on_any_floor_by_any_guard_on_any_clock(name):
         [
             Transition(
                 "fly", "fly", lambda t, s, p: WRITTEN[name](above(t, s, p)), direction=-1,
-                reset={
-                    "v": lambda t, s, p: (1 + p.e) * (p.V + p.A * (t - p.begin)) - p.e * s.v
-                },
+                reset={"v": lambda t, s, p: (1 + p.e) * (p.V + p.A * (t - p.begin)) - p.e * s.v},
                 zeno="rest",
             )
         ],
         {"y": 1.0, "v": 0.0},
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["LSODA", "BDF", "DOP853"])
+@pytest.mark.parametrize("H", [0.0, 30.0])
+def test_a_sign_holds_the_floor_down_to_the_last_ticks(method, H):
+    for name in ("sign", "step"):
+        for e in (0.3, 0.7):
+            run = simulate(
+                grounded(name), 12.0, t0=4.0, start={"y": H + 2.5}, method=method, rtol=1e-10,
+                backend="plain", e=e, H=H,
+            )  # fmt: skip
+            rest = 4 + math.sqrt(5 / 9.81) * (1 + 2 * e / (1 - e))
+            assert run.mode[-1] == "rest" and abs(run.final["y"] - H) < 1e-6
+            assert run.events[-1].t == pytest.approx(rest, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_ball_rests_on_any_floor_by_any_guard_on_any_clock(name):
+    """A floor that lies high, moves or is accelerated; a guard that jumps, bends or has no slope;
+    flights that shrink slowly, at once, or that never begin.
+    """
+    ball = grounded(name)
     dice = random.Random(name)
     for case in range(16):
         e, H = dice.choice([0.0, 0.01, 0.3, 0.7]), dice.choice([0.0, 1.0, 100.0, 1e3])
