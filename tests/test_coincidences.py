@@ -209,6 +209,30 @@ def test_a_jump_undoes_a_crossing(backend):
     assert run.final["n"] == 1
 
 
+def reaches_one(t, s, p):
+    return s.x - 1
+
+
+@both
+@pytest.mark.parametrize("second", [1, 0])
+@pytest.mark.parametrize("first", ["clock", 1, 0])
+def test_a_crossing_waits_though_the_mode_after_turns_back(backend, first, second):
+    """x reaches 1 at t = 1, where what goes first sends it back: no reset has undone that."""
+    go = {"at": At(1.0)} if first == "clock" else {"guard": reaches_one, "direction": first}
+    system = System(
+        "turned back",
+        {"x": ""},
+        {},
+        [Mode("A", lambda t, s, p: (1.0,)), Mode("B", lambda t, s, p: (-1.0,))],
+        [
+            Transition("A", "B", priority=1, **go),
+            Transition(("A", "B"), "B", guard=lambda t, s, p: 2 * (s.x - 1), direction=second),
+        ],
+        {"x": 0.0},
+    )
+    assert [e.index for e in simulate(system, 3.0, backend=backend).events] == [0, 1]
+
+
 # ---------------------------------------------------------------- no direction, sliding
 
 
@@ -229,6 +253,27 @@ def test_a_box_that_friction_stops(backend, directions):
     run = simulate(box, 10.0, backend=backend)
     assert run.stopped == "finished" and abs(run.final["v"]) < 1e-12
     assert all(e.t == pytest.approx(10 / 2.94, abs=1e-11) for e in run.events) and run.events
+
+
+@both
+def test_switches_are_counted_until_the_state_slides(backend):
+    """… and the flows on the surface read the count that is in the ledger."""
+    count = {"n": lambda t, s, p: s.n + 1}
+    system = System(
+        "counted switches",
+        {"x": "", "z": ""},
+        {},
+        [Mode("A", lambda t, s, p: (1.0, s.n)), Mode("B", lambda t, s, p: (-2.0, s.n))],
+        [
+            Transition("A", "B", guard=lambda t, s, p: s.x, direction=1, reset=count),
+            Transition("B", "A", guard=lambda t, s, p: s.x, direction=-1, reset=count),
+        ],
+        {"x": -0.5, "z": 0.0},
+        held={"n": ("", 0.0)},
+    )
+    run = simulate(system, 3.0, backend=backend, max_steps=1000)
+    assert run.stopped == "finished" and run.final["n"] == 1
+    assert run.final["z"] == pytest.approx(2.5, abs=1e-9)
 
 
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
@@ -269,6 +314,106 @@ def test_a_start_beyond_a_guard_is_refused_beside_a_large_state(backend):
     )
     with pytest.raises(ModelError, match="already"):
         simulate(system, 1.0, backend=backend)
+
+
+# ---------------------------------------------------------------- what rounding tears apart
+
+
+def moving(u, transitions, start=0.0, **held):
+    """x' = u in A and in B."""
+    modes = [Mode(name, lambda t, s, p: (p.u,)) for name in "AB"]
+    held = {name: ("", value) for name, value in held.items()}
+    return System("moving", {"x": ""}, {"u": u}, modes, transitions, {"x": start}, held=held)
+
+
+@both
+@pytest.mark.parametrize(("x", "u", "t"), [(10.37, 1.0, 0.5), (9.8, -0.7, 1.1), (10.1, -0.7, 0.5)])
+def test_a_guard_and_a_schedule_meet_within_the_rounding_of_the_guard(backend, x, u, t):
+    """The guard's zero lies some roundings of x before the schedule, which has the priority."""
+    level = x + u * t
+    for method in ("RK4", "RK45", "DOP853"):
+        system = moving(
+            u,
+            [
+                Transition("A", "B", guard=lambda t, s, p, level=level: s.x - level),
+                Transition("A", "B", at=At(t), priority=1),
+            ],
+            x,
+        )
+        run = simulate(system, 5.0, method=method, step=0.0625, backend=backend)
+        assert [(e.index, e.t) for e in run.events] == [(1, t)]
+
+
+@both
+def test_a_dead_time_and_a_schedule_meet_within_the_rounding_of_the_crossing(backend):
+    system = moving(
+        -1 / 2500,
+        [
+            Transition("A", "B", at=At(-300.0)),
+            Transition(
+                "A", "B", guard=lambda t, s, p: 0.1 * s.x - 0.8 + 0.886, direction=-1, delay=600.0
+            ),
+        ],
+        -0.7,
+    )
+    run = simulate(system, 1700.0, t0=-1300.0, step=62.5, method="RK4", backend=backend)
+    assert [e.index for e in run.events] == [0]
+
+
+@both
+@pytest.mark.parametrize(("one", "two"), [(1000.3, 0.1), (1000.1, 0.7), (777.7, 0.3)])
+def test_held_variables_are_terms_of_a_guard(backend, one, two):
+    """A schedule puts x on the surface, to rounding; x falls, so nothing has crossed."""
+    system = moving(
+        -1.0,
+        [
+            Transition("A", "A", at=At(1.0), reset={"x": two}),
+            Transition("A", "B", guard=lambda t, s, p: s.x + s.one - s.sum, direction=1),
+        ],
+        one=one,
+        sum=one + two - 2.0**-43,
+    )
+    assert len(simulate(system, 2.0, backend=backend).events) == 1
+
+
+@both
+@pytest.mark.parametrize("t", [2 / 3, 4 / 9, 8 / 9])
+def test_a_held_variable_that_jumps_leaves_the_clock_as_it_is(backend, t):
+    """On the surface within the clock's rounding and moving away: as without the jump."""
+    system = moving(
+        1.0,
+        [
+            Transition("A", "A", at=At(1e9 + t), reset={"level": t}),
+            Transition("A", "B", guard=lambda t, s, p: s.x - s.level, direction=-1),
+        ],
+        level=-5.0,
+    )
+    assert len(simulate(system, 1e9 + 2, t0=1e9, backend=backend).events) == 1
+
+
+@both
+@pytest.mark.parametrize("reset", [None, {"n": lambda t, s, p: s.n + 1}])
+def test_a_count_at_a_seam_belongs_to_the_run_that_ends_there(backend, reset):
+    """… but a ball that starts on the floor and falls is thrown back."""
+    loop = Transition("A", "A", guard=lambda t, s, p: s.x - 1, direction=1, reset=reset)
+    system = moving(1.0, [loop], n=0.0)
+    one = simulate(system, 1.0, backend=backend)
+    two = simulate(system, 3.0, t0=1.0, start=one.final, backend=backend)
+    assert len(one.events) == 1 and not two.events
+
+    ball = System(
+        "ball",
+        {"y": "", "v": ""},
+        {},
+        [Mode("A", lambda t, s, p: (s.v, -1.0))],
+        [
+            Transition(
+                "A", "A", guard=lambda t, s, p: s.y, direction=-1, reset={"v": lambda t, s, p: -s.v}
+            )
+        ],
+        {"y": 0.0, "v": -1.0},
+    )
+    assert [e.t for e in simulate(ball, 6.0, t0=5.0, backend=backend).events] == [5.0]
 
 
 # ---------------------------------------------------------------- the reference itself

@@ -9,7 +9,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from labkit import At, Ended, Every, Mode, System, Transition, simulate
+from labkit import (
+    At,
+    Ended,
+    Every,
+    Mode,
+    ModelError,
+    System,
+    Transition,
+    simulate,
+    simulate_many,
+)
 
 from .coincidences import bodies, contacts, floors, linear, restarts
 
@@ -318,6 +328,18 @@ def test_a_schedule_written_out_twice_is_one_clock():
         assert [e.target for e in apart.events] == ["off", "on"]
 
 
+def test_a_schedule_that_asks_for_a_name_without_a_value_is_said():
+    for at in (At(lambda p: later), Every(lambda p: later)):
+        bare = System(
+            "bare", {"x": ""}, {}, [Mode("A", lambda t, s, p: (1.0,))],
+            [Transition("A", "A", at=at)], {"x": 0.0},
+        )  # fmt: skip
+        with pytest.raises(ModelError, match="cannot be worked out: NameError"):
+            simulate(bare, 1.0, backend="plain")
+    later = 1.0
+    assert [e.t for e in simulate(bare, 1.0, backend="plain").events] == [later]
+
+
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "RK4"])
 def test_what_leaves_rest_by_its_third_derivative_does_not_cross_by_rounding(method):
     """Force and holding force cancel at that instant but for their rounding, of either sign."""
@@ -352,3 +374,150 @@ def test_what_leaves_rest_by_its_third_derivative_does_not_cross_by_rounding(met
         leaves, *later = (event.t for event in run.events)
         assert leaves == pytest.approx(math.asin(K) - phase, abs=1e-9)
         assert not later or later[0] > leaves + 0.1
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_a_body_rests_on_its_surface_only(size):
+    """A start in a mode of rest off its surface is refused, as one lane's reason, too; where a run
+    has left the body it may start again.
+    """
+    table = System(
+        "ball on a shaken table", {"y": "m", "v": "m/s"}, {"A": size},
+        [
+            Mode("flight", lambda t, s, p: (s.v, -9.81 * p.A)),
+            Mode("rest", lambda t, s, p: (p.A * math.cos(t), -p.A * math.sin(t))),
+        ],
+        [
+            Transition(
+                "flight", "flight", direction=-1, zeno="rest", label="bounce",
+                guard=lambda t, s, p: s.y - p.A * math.sin(t),
+                reset={"v": lambda t, s, p: 1.3 * p.A * math.cos(t) - 0.3 * s.v},
+            )
+        ],
+        {"y": 2.0 * size, "v": 0.0},
+    )  # fmt: skip
+    run = simulate(table, 8.0, backend="plain", rtol=1e-5)
+    assert run.mode[-1] == "rest"
+    again = dict(t0=8.0, mode="rest", backend="plain", rtol=1e-5)
+    assert simulate(table, 9.0, start=run.final, **again).stopped == "finished"
+    off = size * math.sin(8.0) + size * np.array([0.0, 0.5, -3.0])
+    runs = simulate_many(table, 9.0, start={**run.final, "y": off}, **again)
+    assert [run.ended for run in runs] == [Ended.FINISHED, Ended.REFUSED, Ended.REFUSED]
+    with pytest.raises(ModelError, match="rests on the surface of 'bounce': its guard is"):
+        simulate(table, 9.0, start={"y": off[1]}, **again)
+
+
+def test_a_mode_that_is_entered_otherwise_too_is_no_mode_of_rest():
+    ball = System(
+        "ball and hand", {"y": "m", "v": "m/s"}, {},
+        [Mode("flight", lambda t, s, p: (s.v, -9.81)), Mode("held", lambda t, s, p: (0.0, 0.0))],
+        [
+            Transition("flight", "flight", lambda t, s, p: s.y, direction=-1, zeno="held",
+                       reset={"v": lambda t, s, p: -0.5 * s.v}),
+            Transition("flight", "held", at=At(0.1)),
+        ],
+        {"y": 1.0, "v": 0.0},
+    )  # fmt: skip
+    assert simulate(ball, 1.0, mode="held", backend="plain").final["y"] == 1.0
+
+
+def above(t, s, p):
+    """Height over a floor that is accelerated."""
+    return s.y - p.H - p.V * (t - p.begin) - p.A * (t - p.begin) ** 2 / 2
+
+
+WRITTEN = {
+    "sign": lambda z: float(np.sign(z)),
+    "step": lambda z: 1.0 if z > 0 else -1.0,
+    "stairs": lambda z: math.floor(8 * z) + 0.5,
+    "cube": lambda z: z**3,
+    "arc": lambda z: math.atan(20 * z),
+    "square": lambda z: (z + 1e-3) ** 2 - 1e-6,
+}
+
+
+def grounded(name):
+    return System(
+        "ball", {"y": "m", "v": "m/s"}, {"e": 0.5, "H": 0.0, "V": 0.0, "A": 0.0, "begin": 0.0},
+        [
+            Mode("fly", lambda t, s, p: (s.v, -9.81)),
+            Mode("rest", lambda t, s, p: (p.V + p.A * (t - p.begin), p.A)),
+        ],
+        [
+            Transition(
+                "fly", "fly", lambda t, s, p: WRITTEN[name](above(t, s, p)), direction=-1,
+                reset={"v": lambda t, s, p: (1 + p.e) * (p.V + p.A * (t - p.begin)) - p.e * s.v},
+                zeno="rest",
+            )
+        ],
+        {"y": 1.0, "v": 0.0},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["LSODA", "BDF", "DOP853"])
+@pytest.mark.parametrize("H", [0.0, 30.0])
+def test_a_sign_holds_the_floor_down_to_the_last_ticks(method, H):
+    for name in ("sign", "step"):
+        for e in (0.3, 0.7):
+            run = simulate(
+                grounded(name), 12.0, t0=4.0, start={"y": H + 2.5}, method=method, rtol=1e-10,
+                backend="plain", e=e, H=H,
+            )  # fmt: skip
+            rest = 4 + math.sqrt(5 / 9.81) * (1 + 2 * e / (1 - e))
+            assert run.mode[-1] == "rest" and abs(run.final["y"] - H) < 1e-6
+            assert run.events[-1].t == pytest.approx(rest, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_ball_rests_on_any_floor_by_any_guard_on_any_clock(name):
+    """A floor that lies high, moves or is accelerated; a guard that jumps, bends or has no slope;
+    flights that shrink slowly, at once, or that never begin.
+    """
+    ball = grounded(name)
+    dice = random.Random(name)
+    for case in range(16):
+        e, H = dice.choice([0.0, 0.01, 0.3, 0.7]), dice.choice([0.0, 1.0, 100.0, 1e3])
+        V, A = dice.choice([0.0, 0.9, -1.6]), dice.choice([0.0, 3.9, -2.9])
+        begin, height = dice.choice([0.0, 1.0, 1e3, 1e6]), dice.choice([0.0, 0.2, 3.0])
+        method = dice.choice(["RK45", "DOP853", "RK4", "LSODA", "BDF"])
+        fall = math.sqrt(2 * height / (9.81 + A))
+        rest = fall * (1 + 2 * e / (1 - e))
+        run = simulate(
+            ball, begin + rest + 1.0, t0=begin, start={"y": H + height, "v": V}, method=method,
+            backend="plain", max_steps=20_000, rtol=1e-8, e=e, H=H, V=V, A=A, begin=begin,
+        )  # fmt: skip
+        assert run.stopped == "finished" and run.mode[-1] == "rest", (case, method, run.stopped)
+        low = min(
+            above(t, ball.S["fly"](y, 0.0), run.p) for t, y in zip(run.t, run["y"], strict=True)
+        )
+        assert low > -2e-4, (case, method, low)
+        lies = [event.t - begin for event in run.events if event.target == "rest"]
+        assert lies == pytest.approx([rest], abs=2e-2), (case, method)
+
+
+@pytest.mark.parametrize("directions", [(1, -1), (0, 0), (1, 0), (0, -1)])
+@pytest.mark.parametrize("scale", [1.0, 1e16, -1e-16])
+def test_a_run_begins_on_a_surface_that_both_flows_push_to(directions, scale):
+    """As one goes on that was cut in two; and passes where they do not."""
+
+    def guard(t, s, p):
+        return scale * (s.x - 3.0)
+
+    up, down = (int(math.copysign(1, scale)) * each for each in directions)
+    system = System(
+        "two fields", {"x": "", "y": ""}, {"b": -1.0},
+        [Mode("A", lambda t, s, p: (2.0, 1.0)), Mode("B", lambda t, s, p: (p.b, 0.0))],
+        [
+            Transition("A", "B", guard=guard, direction=up),
+            Transition("B", "A", guard=guard, direction=down),
+        ],
+        {"x": 3.0, "y": 0.0},
+    )  # fmt: skip
+    for t0 in (0.0, 1e5):
+        for mode in "AB":
+            run = simulate(system, t0 + 3.0, t0=t0, mode=mode, backend="plain")
+            assert run.events[-1].target == "sliding" and run.events[-1].t == t0
+            assert run.final["x"] == pytest.approx(3.0, abs=1e-12)
+            assert run.final["y"] == pytest.approx(1.0, abs=1e-7)  # a third of A
+        run = simulate(system, t0 + 3.0, t0=t0, mode="B", b=1.0, backend="plain")
+        assert run.final["x"] == pytest.approx(6.0) and not len(run.events)

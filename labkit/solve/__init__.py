@@ -91,7 +91,7 @@ def simulate(
     pool = pool_of(system, (*options, max_steps), dense=True)
     st, p = pool.settings, system.values(parameters)
     start = {**system.start, **({} if start is None else start)}
-    values, name = start_of(system, start, mode, st.options.t0, p)
+    values, name = start_of(st.options, start, mode, p)
     state, first = np.zeros((1, st.length)), st.place[name]
     state[0, st.places[name]] = values
     clock, refused = clocks(st, np.array([p], dtype=float)) if st.timed else ({}, {})

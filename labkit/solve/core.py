@@ -279,7 +279,7 @@ def advance(model, w, p, budget):
             f[T], f[BEFORE] = end, t
             i[ENTRY] = 0
             if i[SLIDING] == 1:
-                back_to_surface(model, w, p, n, end, w.y)
+                back_to_surface(model, w, p, i[SLIDE_A], i[GUARD_A], n, end, w.y)
             grown(w, mode, n)
             if wanted or (i[GRID] < i[SAMPLES] and w.grid[i[GRID]] <= end):
                 sample(model, w, p, t, h, end, mode, n)

@@ -6,8 +6,8 @@ crossing is used once; `sides` says who waits.
 """
 
 from .layout import *
-from .sides import CLEAR, know_flow, leaves, sides
-from .sliding import begin_sliding, guard_place, mixing, rates
+from .sides import CLEAR, TICKS, know_flow, leaves, shaken, sides
+from .sliding import back_to_surface, begin_sliding, guard_place, mixing, rates
 from .step import sized
 
 
@@ -108,7 +108,7 @@ def arrive(model, w, p):
     due.
     """
     i, f = w.i, w.f
-    f[UNTIL] = f[T] + 8.0 * EPS * abs(f[T])
+    f[UNTIL] = f[T] + TICKS * EPS * abs(f[T])
     i[BUSY], i[ENTRY] = 1, 1
     return sides(model, w, p, ARRIVE, -9)
 
@@ -209,6 +209,7 @@ def happen(model, w, p, q):
 def start_sliding(model, w, p):
     i = w.i
     n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
+    carry(w)  # the reset that was only tried may have changed held variables
     i[SLIDING] = 0
     leave(model, w, p, i[SLIDE_B], i[SLIDE_B], n, surface)
     i[SLIDING] = 1
@@ -225,10 +226,13 @@ def stop_sliding(model, w, p, mode):
     """
     i = w.i
     n, surface = w.size[i[SLIDE_A]], w.leave[w.leave_from[i[SLIDE_A]] + i[GUARD_A]]
-    back = w.leave[w.leave_from[mode] + (i[GUARD_A] if mode == i[SLIDE_A] else i[GUARD_B])]
+    place = i[GUARD_A] if mode == i[SLIDE_A] else i[GUARD_B]
+    back = w.leave[w.leave_from[mode] + place]
     leave(model, w, p, i[SLIDE_A], SLIDE, n, surface)
     i[SLIDING] = 0
     enter(model, w, p, mode, mode, n)
+    guards(model, mode, w.f[T], w.y, p, w.g_probe)
+    w.slack[back + 2] = abs(w.g_probe[place])  # it is on the surface, whatever the value
     status = sides(model, w, p, ENTERED, back)
     w.wait[back + 2] = 0
     if w.directed[back] == 1:
@@ -375,6 +379,9 @@ def pile_up(model, w, p, q, touching):
             w.y[k] += step
         keep_piece(w, t, more, mode, n)
         f[T] = t + more
+        if w.leap[q + 2] < 1:  # a straight line leaves a surface that is accelerated
+            for _ in range(16):  # also where the guard has no slope
+                back_to_surface(model, w, p, mode, guard_place(w, mode, q), n, t + more, w.y)
         for slot in range(i[TRANSITIONS] + 2):
             w.came[slot], w.slack[slot], w.wait[slot] = 0, 0.0, 0
         f[BEFORE], f[UNTIL], f[BLUR] = t, f[T], more
@@ -404,7 +411,11 @@ def halfway(model, w, p, q):
     guards(model, mode, t - 0.5 * gap, w.y_look, p, w.g_look)
     w.i[FLOWS] += 2
     w.i[GUARDS] += 1
-    return abs(w.g_look[guard_place(w, mode, q)])
+    k = guard_place(w, mode, q)
+    height = abs(w.g_look[k])
+    if w.leap[q + 2] == 1 and shaken(model, w, p, mode, n, t - 0.5 * gap, w.y_look, k) > 0.0:
+        return 0.0
+    return height
 
 
 def strike(w, s, so_far):

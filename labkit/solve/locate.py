@@ -15,7 +15,7 @@ says where the rest begins. One that leaves zero only later is not looked at bef
 from math import isfinite
 
 from .layout import *
-from .sides import TICKS, doubt
+from .sides import TICKS, doubt, shaken
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
@@ -229,22 +229,27 @@ def first_crossing(model, w, p, mode, n, t, h, k, begin, limit):
             w.turn[k] = sign
             return theta
         if looks > 400 and misfit > zero and w.i[ADAPTIVE] == 1 and w.i[WILD] < MOST_WILD:
-            w.i[WILD] += 1
-            return -3.0
+            evaluate(w, n, a, w.y_try)  # the sign of one that jumps flickers within its rounding
+            if w.leap[slot] < 1 or shaken(model, w, p, mode, n, t + a * h, w.y_try, k) == 0.0:
+                w.i[WILD] += 1
+                return -3.0
         if finest:  # rounding rules here: believe the samples
             for j in range(1, top + 1):
                 if value[j] * side < 0.0 and abs(value[j]) > zero:
                     last = j - 1  # the last sample before it that is not beyond, if there is one
                     while last > 0 and value[last] * side < 0.0:
                         last -= 1
-                    if value[last] * side < 0.0:
+                    one, fa = a + width * w.node[last], value[last]
+                    if fa * side < 0.0 and seen_value * side > 0.0:
+                        one, fa = seen, seen_value
+                    elif fa * side < 0.0:
                         last = j - 1
+                        one, fa = a + width * w.node[last], value[last]
                     side = -side
                     if side > 0 or not directed:
                         w.turn[k] = side
-                        one, two = a + width * w.node[last], a + width * w.node[last + 1]
-                        fa, fb = value[last], value[last + 1]
-                        return refine(model, w, p, mode, n, t, h, k, one, fa, two, fb)
+                        two = a + width * w.node[last + 1]
+                        return refine(model, w, p, mode, n, t, h, k, one, fa, two, value[last + 1])
                     w.quiet[k], seen_value = 1, 0.0
             continue
         middle = 0.5 * (a + b)
@@ -317,6 +322,11 @@ def find_event(model, w, p, mode, n, t, h, entry):
             if chosen < 0:
                 chosen = k
             latest = max(latest, w.root[k])
+            # What is due at the end is due now, if the guard cannot tell it from its crossing
+            last = w.at_node[top][k]
+            own = doubt(model, w, p, mode, n, t + h, w.y_new, k, last)
+            if (1.0 - latest) * h * w.swing[slot] <= own and abs(last) <= own:
+                latest = 1.0
             w.came[slot] = 1
             w.side[slot] = w.turn[k]
         else:

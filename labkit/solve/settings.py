@@ -28,8 +28,12 @@ def _told(at: object) -> object:
         return At, *map(_told, at.instants)
     if not isinstance(at, FunctionType):
         return at
-    code, held = at.__code__, [cell.cell_contents for cell in at.__closure__ or ()]
-    held += [*(at.__defaults__ or ()), *(at.__kwdefaults__ or {}).values()]
+    code, held = at.__code__, [*(at.__defaults__ or ()), *(at.__kwdefaults__ or {}).values()]
+    for cell in at.__closure__ or ():
+        try:
+            held.append(cell.cell_contents)
+        except ValueError:  # a name not given yet
+            held.append(cell)
     held = [each if isinstance(each, int | float | str) else id(each) for each in held]
     return code.co_code, code.co_consts, code.co_names, held, id(at.__globals__)
 
@@ -150,7 +154,7 @@ class Settings:
             core.EVENT_T: -1e300,
             core.CAP: 1e300,
             core.BEFORE: options.t0,
-            core.UNTIL: options.t0 + 8 * core.EPS * abs(options.t0),
+            core.UNTIL: options.t0 + core.TICKS * core.EPS * abs(options.t0),
         }.items():
             f0[place] = value
         states = [system.states_of(m) for m in modes]

@@ -16,9 +16,9 @@ whose side has changed waits for its transition to act (w.wait). Its slot is its
 from math import isfinite
 
 from .layout import *
-from .sliding import kept_state, rates, watch, watch_count, watched
+from .sliding import guard_place, kept_state, rates, watch, watch_count, watched
 
-SHAKE = 9.5367431640625e-07  # 2⁻²⁰
+SHAKE = 1.4551915228366852e-11  # 2⁻³⁶: guards may bend nearby, and 1e6 s are a long time
 DOUBT = 64.0  # roundings: what a guard's terms are off by after some steps
 TICKS = 32.0  # the same of the clock
 STEEP = 1024.0  # a guard that is so many times off where it was located is as good as a jump
@@ -44,7 +44,9 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
     total = 0.0
     for i in range(n):
         w.y_shake[i] = y[i]
-    for i in range(n):
+    held = w.i[HELD] if wide == 0 else 0  # they are exact, but terms like others
+    for place in range(n + held):
+        i = place if place < n else w.i[WIDTH] + place - n
         size = w.most[i] if wide == 1 else abs(y[i])
         if size > 0.0:
             w.y_shake[i] = y[i] + SHAKE * size
@@ -165,6 +167,12 @@ def nearby(w, t):
     return (t + e) - t if abs(t) < 1e300 * e else e
 
 
+def soonest(w, t):
+    """After what time the clock can tell anything."""
+    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
+    return 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
+
+
 def slope_ahead(model, w, p, mode, n, t, k):
     """dg/dt of the k-th guard along the flow; all guards are worked out at once."""
     e = nearby(w, t)
@@ -200,17 +208,19 @@ def leaving(model, w, p, mode, n, t, k, value, band):
     now.
     """
     slope = slope_ahead(model, w, p, mode, n, t, k)
-    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
-    first = 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
+    first = soonest(w, t)
     if slope != 0.0 and isfinite(slope):
         e = max(first, 2.0 * CLEAR * band / abs(slope))
         if e <= 0.1 * w.f[H]:
             look(model, w, p, mode, n, t, e, 2, w.g_look)
-            gone = w.g_look[k] if slope > 0.0 else -w.g_look[k]
-            by_slope = abs(slope) * e
-            if 0.25 * by_slope < gone < 4.0 * by_slope and gone > 0.25 * CLEAR * band:
+            gone, by_slope = w.g_look[k], slope * e
+            if abs(w.g_ahead[k]) < band:  # the slope may be rounding
+                straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
+                by_slope = w.g_away[k]
+            near = 0.25 * abs(by_slope) < abs(gone) < 4.0 * abs(by_slope)
+            if near and (gone > 0.0) == (by_slope > 0.0) and abs(gone) > 0.25 * CLEAR * band:
                 w.f[LATER], w.f[GONE_T] = t, e
-                return 1 if slope > 0.0 else -1
+                return 1 if gone > 0.0 else -1
     # The slope says nothing, or what it says is over before it can be told from rounding
     found, e = 0, first
     tolerated = -1.0
@@ -243,55 +253,92 @@ def leaving(model, w, p, mode, n, t, k, value, band):
     return found
 
 
-def leap_reach(w, t):
-    """How far from a jump a guard's sign is asked for."""
-    tick = max(abs(t), abs(w.f[BEFORE])) * EPS
-    return 64.0 * tick if tick > 0.0 else 1e-13 * w.f[H]
+def shaken(model, w, p, mode, n, t, y, k, times=1.0):
+    """By how much the k-th guard changes where a state, or the clock, is off by its own rounding,
+    or so many times that; 0 if its sign does not depend on that.
+    """
+    most = 0.0
+    for i in range(n):
+        w.y_shake[i] = y[i]
+    for i in range(n + 1):
+        off, tick = 0.0, times * DOUBT * EPS * abs(t)
+        if i < n:
+            off, tick = times * max(DOUBT * EPS * abs(y[i]), 1e-300), 0.0
+            w.y_shake[i] = y[i] + off
+        watch(model, w, mode, n, t + tick, w.y_shake, p, w.g_away)
+        if i < n:
+            w.y_shake[i] = y[i] - off
+        watch(model, w, mode, n, t - tick, w.y_shake, p, w.g_look)
+        if i < n:
+            w.y_shake[i] = y[i]
+        if (w.g_away[k] > 0.0) != (w.g_look[k] > 0.0):
+            most = max(most, abs(w.g_away[k] - w.g_look[k]))
+    w.i[GUARDS] += 2 * n + 2
+    return most
 
 
-def leaps(model, w, p, mode, n, t, k, slot):
-    """Does a guard jump where it has been located (1), or is it steeper than the clock is fine?
-    Then its values say nothing, only their signs do. Else −1.
+def leaps(model, w, p, mode, n, t, k, swing, last):
+    """Does a guard jump here (1), or is it steeper than the clock and the states are fine? Then its
+    values say nothing, only their signs do. Else −1.
+
+    swing: its largest slope for a while, `last`.
     """
     if w.i[SLIDING] == 1:
         return -1
     know_flow(model, w, p)
-    e, last = leap_reach(w, t), t - w.f[BEFORE]
+    e, least = soonest(w, t), 2e-8 * swing * last
     straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
-    return 1 if abs(w.g_away[k]) > w.swing[slot] * max(1e6 * e, 2e-8 * last) else -1
+    near = abs(w.g_away[k])
+    if near > least:
+        straight(model, w, p, mode, n, t, w.y, w.k[0], 16.0 * e, w.g_away)
+        if near > 0.125 * abs(w.g_away[k]):  # a slope goes 16 times as far
+            return 1
+    near = shaken(model, w, p, mode, n, t, w.y, k)
+    if near > least and near > 0.125 * shaken(model, w, p, mode, n, t, w.y, k, 16.0):
+        return 1
+    return -1
 
 
-def at_leap(model, w, p, mode, n, t, k):
-    """Is the k-th guard at its jump still (1), after an event? Then the flow by which it came goes
-    through it.
+def at_leap(model, w, p, mode, n, t, k, slot):
+    """Is the k-th guard at its jump still (1), after an event? Then the reset has left it as it was
+    located, or the rounding of a state, or the flow by which it came, goes through it.
     """
+    if shaken(model, w, p, mode, n, t, w.y, k) > 0.0:
+        return 1
     line = w.ledger[w.i[LEDGER] - 1]
     before = int(line[3])
     if before < 0 or w.size[before] != n:
         return 0
     for i in range(n):
         w.y_shake[i] = line[5 + i]
+    watch(model, w, mode, n, t, w.y_shake, p, w.g_look)
+    w.i[GUARDS] += 1
+    if w.came[slot] == 2 and w.g_look[k] == w.g[k]:
+        return 1
     flow(model, before, t, w.y_shake, p, w.ahead[1])
     w.i[FLOWS] += 1
-    straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * leap_reach(w, t), w.g_away)
+    straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * soonest(w, t), w.g_away)
     back, half = w.g_look[k], w.g_away[k]
     return 1 if (back > 0.0) != (back + 2.0 * half > 0.0) else 0
 
 
 def after_leap(model, w, p, mode, n, t, k):
-    """How a guard that is at its jump leaves it along the flow, ±2: by its sign as soon as the
-    clock can tell; w.f[LATER] is when.
+    """How a guard that is at its jump leaves it along the flow, ±2: by its sign as soon as that
+    does not depend on rounding (w.f[LATER], in a time w.f[GONE_T]); 0 if it always does.
     """
     know_flow(model, w, p)
-    e = leap_reach(w, t)
-    w.f[LATER] = t + e
-    for _ in range(12):
+    e = soonest(w, t)
+    found, far = 0, 4096.0 * e  # it may have been located so late that it has to come back first
+    while e <= 64.0 * w.f[H] and (found == 0 or e <= far):
         look(model, w, p, mode, n, t, e, 2, w.g_look)
-        if w.g_look[k] <= 0.0:
-            w.f[LATER] = t + e
-            return -2
+        back = w.g_look[k] <= 0.0
+        if (found == 0 or back) and shaken(model, w, p, mode, n, t + e, w.y_look, k) == 0.0:
+            w.f[LATER], w.f[GONE_T] = t + e, e
+            if back:
+                return -2
+            found = 2
         e *= 2.0
-    return 2
+    return found
 
 
 def sides(model, w, p, how, fired):
@@ -326,13 +373,21 @@ def sides(model, w, p, how, fired):
             w.wait[slot] = 1
             suspect = w.leap[slot] < 0 and abs(value) > STEEP * tick * w.swing[slot]
             if w.leap[slot] == 0 or suspect:
-                w.leap[slot] = leaps(model, w, p, mode, n, t, k, slot)
+                w.leap[slot] = leaps(model, w, p, mode, n, t, k, w.swing[slot], t - f[BEFORE])
             if w.leap[slot] == 1:
                 w.slack[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 4
             continue
         directed = q < 0 or w.directed[q] == 1
         urgent = YES if q < 0 else w.urgent[q]
         jumped = w.leap[slot] == 1 and (w.came[slot] > 0 or how == ENTERED) and how != ARRIVE
+        if how == START and shaken(model, w, p, mode, n, t, w.y, k) > 0.0:
+            know_flow(model, w, p)
+            swing = 0.0
+            for half in range(1, 3):
+                look(model, w, p, mode, n, t, 0.5 * half * f[H], 2, w.g_look)
+                swing = max(swing, abs(w.g_look[k] - value) / f[H])
+            w.leap[slot] = leaps(model, w, p, mode, n, t, k, swing, f[H])
+            jumped = w.leap[slot] == 1
         own = 0.0
         if not jumped:
             own = doubt(model, w, p, mode, n, t, w.y, k, value)
@@ -342,12 +397,12 @@ def sides(model, w, p, how, fired):
         band = own + 2.0 * w.slack[slot]
         clear = abs(value) > band
         if jumped:
-            clear = at_leap(model, w, p, mode, n, t, k) == 0
+            clear = how != START and at_leap(model, w, p, mode, n, t, k, slot) == 0
         elif clear and i[LOCATE] == 1:
             # On the surface within the rounding of the clock: its crossing belongs to this instant
             # (a bound of its slope first: that costs little)
             steep = w.swing[slot]
-            if how == ENTERED or how == START:
+            if how == ENTERED or how == START or steep == 0.0:
                 steep = steepest(model, w, p, n, slot)
             reach = tick * steep
             if abs(value) <= reach:
@@ -368,11 +423,8 @@ def sides(model, w, p, how, fired):
             else:
                 order = leaving(model, w, p, mode, n, t, k, value, band)
             now = 1 if order > 0 else -1
-            if order == 0 and (how == ARRIVE or how == JUMPED_TO):
-                if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
-                    now, clear = was, True  # a guard that jumps itself: no reset has put it back
-                elif not directed:
-                    now = was  # to rest on a surface is not to cross it
+            if order == 0 and not directed and (how == ARRIVE or how == JUMPED_TO):
+                now = was  # to rest on a surface is not to cross it
         w.flat[slot] = 0 if clear else 1
         if clear:
             w.slack[slot] = 0.0
@@ -381,24 +433,30 @@ def sides(model, w, p, how, fired):
         again = urgent == YES and q >= 0 and now > 0 and w.delay[i[LANE]][max(q, 0)] == 0.0
         if how == ENTERED:
             beyond = directed and now > 0
-            turned = 0
-            if not clear and not directed:
-                turned = turned_back(model, w, p, mode, n, t, k, band, now)
-            if w.wait[slot] == 1:  # it leaves the mode before, too
-                w.wait[slot] = 1 if (beyond or not directed and now == was) else 0
+            if w.wait[slot] == 1:  # it leaves the mode before, too: only a jump undoes its crossing
+                kept = not clear and kept_state(w, n) == 1
+                w.wait[slot] = 1 if beyond or kept or not directed and now == was else 0
             elif q != fired:
                 # one that the mode before had, too, and that has acted at this instant, is not
                 # beyond anew
                 acted = w.came[slot] >= 2 and was > 0 and left_before(w, q)
-                w.wait[slot] = turned
                 if beyond and urgent != NO and not acted:
                     w.wait[slot] = 1
+                elif not clear and not directed and kept_state(w, n) == 1:
+                    before = int(w.ledger[i[LEDGER] - 1][3])
+                    if before >= 0:
+                        w.wait[slot] = opposed(model, w, p, mode, before, n, t, k, band, now)
         elif how == START:
             if directed and now > 0:
                 if clear and urgent == REFUSE:
                     i[WHO] = max(q, 0)
                     return BAD_START
-                w.wait[slot] = 0 if urgent == NO else 1
+                over = order == 1 and urgent == REFUSE  # a body at rest there is not over it
+                over = over and acted_before(model, w, p, mode, n, t, k, q) == 1
+                w.wait[slot] = 0 if urgent == NO or over else 1
+            elif not directed and not clear and returns(model, w, p, q, mode, n, t) == 1:
+                # where both flows push towards the surface, the run begins on it
+                w.wait[slot] = opposed(model, w, p, mode, w.target[q], n, t, k, band, now)
         elif q == fired and how == JUMPED_TO:
             w.wait[slot] = 1 if again else 0
             if not clear and now == was and order != 0 and not again:
@@ -426,16 +484,46 @@ def left_before(w, q):
     return before >= 0 and w.source[q][before] == 1
 
 
-def turned_back(model, w, p, mode, n, t, k, band, now):
-    """Has a change of mode without a jump turned back a guard that is zero (1), or did it come from
-    where it goes (0)?
+def acted_before(model, w, p, mode, n, t, k, q):
+    """Is a guard that is beyond at the start one that has acted in the run which ended there (1)?
 
-    It has the far side of the arrival: the sign of its slope along the flow of the mode before.
+    Its transition leads back into the mode and leaves it beyond: nothing has crossed anew. As with
+    schedules a run from t = 0 has none before it.
     """
-    before = int(w.ledger[w.i[LEDGER] - 1][3])
-    if before < 0 or w.size[before] != n or kept_state(w, n) == 0:
+    if t == 0.0 or w.target[q] != mode or w.delay[w.i[LANE]][q] > 0.0:
         return 0
-    flow(model, before, t, w.y, p, w.ahead[1])
+    after = w.y_look
+    reset(model, q, mode, t, w.y, p, after)
+    rates(model, w, mode, n, t, after, p, w.ahead[1])
+    for i in range(n):
+        after[i] += w.f[GONE_T] * w.ahead[1][i]
+    watch(model, w, mode, n, t + w.f[GONE_T], after, p, w.g_look)
+    w.i[FLOWS] += 1
+    w.i[GUARDS] += 1
+    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+        after[i] = w.y[i]
+    return 1 if w.g_look[k] > 0.0 else 0
+
+
+def returns(model, w, p, q, mode, n, t):
+    """Does transition q lead to a mode with a way back whose guard is zero here, too (1)?"""
+    target = w.target[q]
+    if w.urgent[q] == NO or target < 0 or target == mode or w.size[target] != n:
+        return 0
+    for back in range(w.i[TRANSITIONS]):
+        k = guard_place(w, target, back) if w.target[back] == mode else -1
+        if k >= 0 and shaken(model, w, p, target, n, t, w.y, k) > 0.0:
+            return 1
+    return 0
+
+
+def opposed(model, w, p, mode, other, n, t, k, band, now):
+    """Does a guard that is zero change along the flow of another mode the other way than it goes
+    here (1)?
+
+    So a change of mode without a jump has turned it back: it has the far side of the arrival.
+    """
+    flow(model, other, t, w.y, p, w.ahead[1])
     w.i[FLOWS] += 1
     e = nearby(w, t)
     while True:
@@ -463,10 +551,12 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     line = w.ledger[w.i[LEDGER] - 1]
     e = w.f[GONE_T] if by_slope else 0.125 * w.f[GONE_T]
     if w.leap[slot] == 1:
-        e = leap_reach(w, t)
+        e = w.f[GONE_T]
     far = 1.0 if order > 0 else -1.0
     straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
     after = far * w.g_away[k]
+    if w.leap[slot] == 1 and shaken(model, w, p, mode, n, t + e, w.y_look, k) > 0.0:
+        return 1
     for i in range(n):
         w.y_shake[i] = line[5 + i]
     rates(model, w, mode, n, t, w.y_shake, p, w.ahead[1])
@@ -477,4 +567,9 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
         return 0 if before > 0.0 and after > 0.0 else 1
     if by_slope:
         return 1 if before < 0.0 else 0
-    return 0 if after == before or (before >= 0.0 and after > 0.1 * before) else 1
+    if before > 0.0 and after > 0.1 * before:
+        return 0
+    for i in range(n):
+        if w.ahead[1][i] != w.k[0][i]:
+            return 1
+    return 0

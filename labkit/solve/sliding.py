@@ -144,6 +144,8 @@ def begin_sliding(model, w, p, second):
 def kept_state(w, n):
     """Has the last event left the state as it was, but for rounding (1)?"""
     line = w.ledger[w.i[LEDGER] - 1]
+    if line[3] >= 0 and w.size[int(line[3])] != n:
+        return 0
     for i in range(n):
         if abs(line[5 + i] - w.y[i]) > KEPT * w.most[i]:
             return 0
@@ -203,12 +205,11 @@ def same_surface(model, w, p, n, t, a, k_a, b, k_b):
     return 1 if both * both >= 0.999999 * one * two else 0
 
 
-def back_to_surface(model, w, p, n, t, y):
-    """One Newton step along the guard's gradient.
+def back_to_surface(model, w, p, mode, k, n, t, y):
+    """One Newton step along the gradient of a mode's k-th guard.
 
     Rounding and the step's error would let the state drift off.
     """
-    mode, k = w.i[SLIDE_A], w.i[GUARD_A]
     square = gradient(model, w, p, n, t, y, mode, k, w.rate_a)
     guards(model, mode, t, y, p, w.g_probe)
     w.i[GUARDS] += 1

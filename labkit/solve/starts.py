@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..model import Every, ModelError, System, listed, number
+from ..model import Every, ModelError, System, Transition, listed, number
 from . import core
 from .check import check_functions
+from .options import Options
 from .settings import Settings
 
 __all__ = ["Refused", "check_start", "clocks", "start_of", "starts_of", "try_functions"]
@@ -20,12 +21,13 @@ Refused = dict[int, ModelError]  # lane -> why it cannot begin
 
 
 def start_of(
-    system: System, start: Mapping[str, float], mode: object, t0: float, p: tuple
+    options: Options, start: Mapping[str, float], mode: object, p: tuple
 ) -> tuple[tuple[float, ...], str]:
-    """start_of(system, start, mode, t0, p) -> (values in the order of S[mode], name of the mode).
+    """start_of(options, start, mode, p) -> (values in the order of S[mode], name of the mode).
 
     The mode is given, or the system's, or chosen by the system's function.
     """
+    system, t0 = options.system, options.t0
     mode = mode or system.mode
     if callable(mode):
         s = system.S[next(iter(system.modes))]
@@ -39,7 +41,46 @@ def start_of(
             f"start mode {mode!r} is not a mode of {system.name!r}; "
             f"there are {listed(system.modes)}"
         )
-    return system.check_start(start, mode), mode
+    values = system.check_start(start, mode)
+    if surfaces := _surfaces(system, mode):
+        s = dict(zip(system.places(mode), values, strict=True))
+        off = {tr.name: _off(tr, options, s, p) for tr in surfaces}
+        if all(off.values()):
+            name, value = next(iter(off.items()))
+            raise ModelError(
+                f"the start does not fit mode {mode!r}, where a body rests on the surface of "
+                f"{name!r}: its guard is {value:.6g} at t = {t0:g}, not 0. Start on the surface, "
+                f"or in another mode (mode={surfaces[0].sources[0]!r}?)"
+            )
+    return values, mode
+
+
+def _surfaces(system: System, mode: object) -> list[Transition]:
+    """The transitions whose events pile up to this mode; none if it is entered otherwise, too."""
+    found = [tr for tr in system.transitions if tr.zeno == mode and mode not in tr.sources]
+    if found and any(tr.target == mode and {*tr.sources} != {mode} for tr in system.transitions):
+        return []
+    return [tr for tr in found if tr.guard]
+
+
+def _off(tr: Transition, options: Options, here: Mapping[str, float], p: tuple) -> float:
+    """The value of a guard that is not zero at a start; 0 where it may be.
+
+    A run may have left the state there: to half of the digits that are asked for, on the scale of
+    the guard's terms. A state has the size of its usual start at least, 1 where that is zero.
+    """
+    system, t0 = options.system, options.t0
+    try:
+        kind = system.S[tr.sources[0]]
+        s = kind(*(here[name] for name in kind._fields))
+        value, scale = float(tr.guard(t0, s, p)), 0.0
+        for name, x in zip(kind._fields, s, strict=True):
+            size = max(abs(x), abs(system.start.get(name, 0.0)) or 1.0)
+            moved = float(tr.guard(t0, s._replace(**{name: x + 1e-6 * size}), p))
+            scale += abs(moved - value) / 1e-6
+    except (ArithmeticError, ValueError, KeyError, TypeError):  # not to be told, or said elsewhere
+        return 0.0
+    return value if abs(value) > tr.tolerance + options.rtol**0.5 * scale else 0.0
 
 
 def starts_of(
@@ -61,8 +102,8 @@ def starts_of(
                 else f"start of {key!r} must be finite, not {value}"
             )
     first = {key: float(np.ravel(value)[0]) for key, value in start.items()}
-    if not callable(mode or system.mode):
-        _, name = start_of(system, first, mode, settings.options.t0, ())
+    if not callable(mode or system.mode) and not _surfaces(system, mode or system.mode):
+        _, name = start_of(settings.options, first, mode, ())
         for key, place in system.places(name).items():
             begin[:, place] = start[key]
         modes[:] = settings.place[name]
@@ -73,7 +114,7 @@ def starts_of(
     for lane, values in enumerate(p.tolist()):
         mine = {key: value[lane] for key, value in lists.items()}
         try:
-            state, name = start_of(system, mine, mode, settings.options.t0, system.P(*values))
+            state, name = start_of(settings.options, mine, mode, system.P(*values))
         except ModelError as error:  # it stands in the first mode then, as far as it goes
             refused[lane], name = error, settings.modes[0]
             state = [mine.get(key, np.nan) for key in system.places(name)]
@@ -130,7 +171,8 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
     system, lanes = settings.system, len(p)
     refused: Refused = {}
     t0 = settings.options.t0
-    over = t0 + 8 * core.EPS * abs(t0) if t0 != 0.0 else -5e-324  # what strikes up to here is over
+    # what strikes up to here is over
+    over = float(settings.fixed["f0"][core.UNTIL]) if t0 != 0.0 else -5e-324
     plans, plan_from = settings.plans, settings.fixed["plan_from"]
 
     def resolve(
@@ -147,7 +189,7 @@ def clocks(settings: Settings, p: np.ndarray) -> tuple[dict[str, np.ndarray], Re
             for lane, values in enumerate(p.tolist()):
                 try:
                     found[lane] = system.resolve(value, system.P(*values), what)
-                except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
+                except Exception as error:
                     refused.setdefault(lane, _said(error, what))
         if not (fits := allowed(found)).all():
             for lane in np.flatnonzero(~fits & np.isfinite(found)).tolist():

@@ -10,7 +10,7 @@ every crossing is a fraction, and what coincides coincides exactly. Where the ru
   − to +; without, whenever its side changes.
 * All that is due at an instant (crossings, schedules, ends of dead times) fires by priority,
   then in the order of the list. What is pending is dropped when its mode is left or a jump has
-  undone it.
+  undone it, not by a flow that turns back what has just come.
 * A crossing is used once: what has fired fires again at this instant only after some jump has
   put its guard back and a later one has carried it over again.
 * A jump that carries a guard over is a crossing, except with urgent=False.
@@ -274,12 +274,16 @@ class Story:
         """Sides and pending guards after a change of mode."""
         waiting, known, self.pending, self.side = self.pending, self.side, set(), {}
         for e in self.watched(self.mode):
+            if self.degenerate(e) and not self.directed(e):
+                raise Unclear("a guard without direction that rests on its surface")
+            if e in waiting and self.value(e) == 0 and not jump:
+                self.side[e] = self.side_now(e)
+                self.pending.add(e)
+                continue
             if self.directed(e):
                 self.side[e] = self.side_now(e)
                 self.arrive_directed(e, e == fired, e in waiting)
                 continue
-            if self.degenerate(e):
-                raise Unclear("a guard without direction that rests on its surface")
             if self.value(e) != 0:
                 self.side[e] = sign(self.value(e))
                 if e in waiting or e in self.used or known.get(e, self.side[e]) != self.side[e]:
