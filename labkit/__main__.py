@@ -73,32 +73,26 @@ def split(words: list[str]) -> tuple[str, list[str]]:
 
     Raises SetupError for a word that is no command.
     """
+    if words and words[0] in COMMANDS:  # also where a folder has the name of one
+        return words[0], words[1:]
     if not words or words[0].startswith("-") or Path(words[0]).exists():
         return "lab", words
-    if words[0] in COMMANDS:
-        return words[0], words[1:]
     close = difflib.get_close_matches(words[0].lower(), COMMANDS)
-    raise SetupError(
-        f"there is no command {words[0]!r}"
-        + (
-            f"; did you mean {' or '.join(close)}?"
-            if close
-            else f"; there are {', '.join(COMMANDS)}"
-        )
-    )
+    meant = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(COMMANDS)}"
+    raise SetupError(f"there is no command {words[0]!r}; {meant}")
 
 
 def start(command: str, words: list[str]) -> int:
     """start("page", ["part3/06"]) -> exit code, once the environment is there."""
-    if command == "lab":
-        return lab(words)
-    if command == "show":
-        return show(words)
-    if command == "test":
-        return test(words)
-    if command in ("page", "run", "new", "report", "key", "site"):
-        return written(globals()[command], words)
-    return 0  # setup
+    if command == "setup":
+        return 0
+    if command in ("lab", "show", "test"):
+        return globals()[command](words)
+    return written(globals()[command], words)
+
+
+def say(text: str) -> None:
+    print(f"labkit: {text}", flush=True)
 
 
 # ---- the environment
@@ -118,37 +112,33 @@ def venv_python(venv: Path = VENV) -> Path:
 
 def make_environment(venv: Path = VENV) -> None:
     """An empty environment with pip, unless a working one is there."""
-    if (
-        venv_python(venv).exists()
-        and subprocess.run(
-            [venv_python(venv), "-m", "pip", "--version"], capture_output=True
-        ).returncode
-        == 0
-    ):
+    python = venv_python(venv)
+    pip = [python, "-m", "pip", "--version"]
+    if python.exists() and subprocess.run(pip, capture_output=True).returncode == 0:
         return
     if importlib.util.find_spec("venv") is None or importlib.util.find_spec("ensurepip") is None:
         raise SetupError(
             "this Python has no venv module. On Debian and Ubuntu: "
             "sudo apt install python3-venv; then start again"
         )
-    print(f"labkit: making the environment {venv}", flush=True)
-    made = subprocess.run(
-        [sys.executable, "-m", "venv", "--clear", venv], capture_output=True, text=True
-    )
+    say(f"making the environment {venv}")
+    command = [sys.executable, "-m", "venv", "--clear", venv]
+    made = subprocess.run(command, capture_output=True, text=True)
     if made.returncode != 0:
         shutil.rmtree(venv, ignore_errors=True)
-        raise SetupError(
-            f"the environment {venv} could not be made:\n{(made.stdout + made.stderr).strip()}"
-        )
+        said = (made.stdout + made.stderr).strip()
+        raise SetupError(f"the environment {venv} could not be made:\n{said}")
 
 
 def hand_over(words: list[str]) -> int:
     """The same command again, by the environment's own Python."""
-    command = [str(venv_python()), "-m", "labkit", *words]
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    }
-    return become(command, environment)
+    environment = os.environ | {"PYTHONPATH": first("PYTHONPATH", ROOT)}
+    return become([str(venv_python()), "-m", "labkit", *words], environment)
+
+
+def first(variable: str, place: Path) -> str:
+    """first("PYTHONPATH", ROOT) -> the variable of the environment with the place before it."""
+    return os.pathsep.join(filter(None, [str(place), os.environ.get(variable)]))
 
 
 def become(command: list[str], environment: dict[str, str]) -> int:
@@ -169,35 +159,17 @@ def fill_environment(purelib: Path | None = None, prefix: str | Path = sys.prefi
     """
     purelib = purelib or Path(sysconfig.get_path("purelib"))
     register(Path(prefix))
-    stamp, wanted = (
-        purelib / "labkit-environment.txt",
-        hashlib.sha256(LOCK.read_bytes()).hexdigest(),
-    )
+    stamp = purelib / "labkit-environment.txt"
+    wanted = hashlib.sha256(LOCK.read_bytes()).hexdigest()
     # Before 3.13 Python reads a .pth file in the locale's encoding, later in UTF-8.
-    (purelib / "labkit.pth").write_text(
-        f"{ROOT}\n", encoding="utf-8" if sys.version_info >= (3, 13) else "locale"
-    )
+    encoding = "utf-8" if sys.version_info >= (3, 13) else "locale"
+    (purelib / "labkit.pth").write_text(f"{ROOT}\n", encoding=encoding)
     if stamp.exists() and stamp.read_text() == wanted:
         return
     packages = sum(line[:1].isalnum() for line in LOCK.read_text(encoding="utf-8").splitlines())
-    print(
-        f"labkit: installing the packages of {LOCK.name} (about {packages}; once, a few minutes)",
-        flush=True,
-    )
-    install(
-        [
-            sys.executable,
-            "-m",
-            "pip",
-            "install",
-            "--disable-pip-version-check",
-            "--no-input",
-            "--no-deps",
-            "--requirement",
-            str(LOCK),
-        ],
-        packages,
-    )
+    say(f"installing the packages of {LOCK.name} (about {packages}; once, a few minutes)")
+    options = ["--disable-pip-version-check", "--no-input", "--no-deps", "--requirement", str(LOCK)]
+    install([sys.executable, "-m", "pip", "install", *options], packages)
     stamp.write_text(wanted)
 
 
@@ -217,55 +189,33 @@ def install(command: list[str], packages: int) -> None:
 
     Raises SetupError with pip's last words.
     """
-    lines, count = [], 0
+    lines, count, shown = [], 0, sys.stdout.isatty()
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
     ) as pip:
         for line in pip.stdout:
             lines.append(line.rstrip())
-            if line.startswith(("Collecting", "Requirement already")):
-                count += 1
-            if sys.stdout.isatty():
-                name = (
-                    "putting them in place …"
-                    if line.startswith("Installing collected")
-                    else " ".join(line.split()[1:2])
-                )
-                print(
-                    f"\r  {f'{min(count, packages)} of about {packages}: {name}':<70.70}",
-                    end="",
-                    flush=True,
-                )
-    if sys.stdout.isatty():
+            count += line.startswith(("Collecting", "Requirement already"))
+            if shown:
+                name = " ".join(line.split()[1:2])
+                if line.startswith("Installing collected"):
+                    name = "putting them in place …"
+                text = f"{min(count, packages)} of about {packages}: {name}"
+                print(f"\r  {text:<70.70}", end="", flush=True)
+    if shown:
         print("\r" + " " * 72 + "\r", end="")
     if pip.returncode == 0:
-        print("labkit: packages are in place", flush=True)
+        say("packages are in place")
         return
     last = "\n".join(f"  {line}" for line in lines[-12:])
-    signs = (
-        "connection",
-        "failed to resolve",
-        "name resolution",
-        "getaddrinfo",
-        "unreachable",
-        "timed out",
-        "proxyerror",
-    )
-    network = any(
-        sign in line.lower()
-        for line in lines
-        if line.startswith(("WARNING", "ERROR"))
-        for sign in signs
-    )
-    raise SetupError(
-        f"pip could not install the packages. Its last words:\n{last}\n"
-        + (
-            "It seems that there is no network: "
-            "connect once, then start again (later starts need none)."
-            if network
-            else "Start again; if it fails the same way, show these lines to your teacher."
-        )
-    )
+    said = " ".join(line.lower() for line in lines if line.startswith(("WARNING", "ERROR")))
+    signs = ["connection", "failed to resolve", "name resolution", "getaddrinfo", "unreachable"]
+    if any(sign in said for sign in [*signs, "timed out", "proxyerror"]):
+        mend = "It seems that there is no network: connect once, then start again (later starts "
+        mend += "need none)."
+    else:
+        mend = "Start again; if it fails the same way, show these lines to your teacher."
+    raise SetupError(f"pip could not install the packages. Its last words:\n{last}\n{mend}")
 
 
 # ---- what it is for
@@ -278,49 +228,33 @@ def warm() -> None:
     except ImportError:
         return
     try:
-        compile_engine(progress=lambda text: print(f"labkit: {text}", flush=True))
+        compile_engine(progress=say)
     except Exception as error:  # the workbook runs without, only slower
-        print(
-            f"labkit: the engine could not be compiled ({error}); simulations run in plain Python",
-            flush=True,
-        )
+        say(f"the engine could not be compiled ({error}); simulations run in plain Python")
 
 
 def lab_command(*options: str, folder: Path = ROOT) -> list[str]:
-    """lab_command("--no-browser") -> the command line of labkit's JupyterLab over a folder.
-
-    See lab_environment.
-    """
+    """lab_command("--no-browser") -> the command line of labkit's JupyterLab over a folder."""
     root = ["--allow-root"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    return [
-        sys.executable,
-        "-m",
-        "jupyterlab",
+    place = [
         f"--ServerApp.root_dir={folder}",
         "--LabApp.default_url=/lab/tree/notebooks/start.ipynb",
-        *root,
-        *options,
     ]
+    return [sys.executable, "-m", "jupyterlab", *place, *root, *options]
 
 
 def lab_environment() -> dict[str, str]:
-    """The settings in labkit/jupyter.
+    """The settings in labkit/jupyter, and the templates of Voilà.
 
     The environment's own kernel goes before one of the same name in the user's home.
     """
-    paths = {
-        key: os.pathsep.join(filter(None, [str(JUPYTER), os.environ.get(key)]))
-        for key in ("JUPYTER_CONFIG_PATH", "JUPYTER_PATH")
-    }  # settings; templates of Voilà
+    paths = {key: first(key, JUPYTER) for key in ("JUPYTER_CONFIG_PATH", "JUPYTER_PATH")}
     return os.environ | paths | {"JUPYTER_PREFER_ENV_PATH": "1"}
 
 
 def lab(options: list[str]) -> int:
     warm()
-    print(
-        "labkit: JupyterLab opens in your browser; to end it press Ctrl-C twice in this window",
-        flush=True,
-    )
+    say("JupyterLab opens in your browser; to end it press Ctrl-C twice in this window")
     return become(lab_command(*options), lab_environment())
 
 
@@ -339,30 +273,16 @@ def meant(words: list[str]) -> Path:
 
 
 def show_command(words: list[str]) -> list[str]:
-    """show_command(["part3/06"]) -> the command line of Voilà for that notebook.
-
-    An unclear name is a SetupError.
-    """
-    return [
-        sys.executable,
-        "-m",
-        "voila",
-        str(meant(words)),
-        "--template=labkit",
-        "--VoilaConfiguration.show_tracebacks=True",
-        *words[1:],
-    ]
+    """show_command(["part3/06"]) -> the command line of Voilà; an unclear name is a SetupError."""
+    look = ["--template=labkit", "--VoilaConfiguration.show_tracebacks=True"]
+    return [sys.executable, "-m", "voila", str(meant(words)), *look, *words[1:]]
 
 
 def show(words: list[str]) -> int:
     """One notebook as an app: it runs in a kernel of its own for every page that opens it."""
     command = show_command(words)
     warm()
-    print(
-        "labkit: the notebook opens in your browser once it has run; "
-        "to end it press Ctrl-C in this window",
-        flush=True,
-    )
+    say("the notebook opens in your browser once it has run; to end it press Ctrl-C in this window")
     return become(command, lab_environment())
 
 
@@ -457,30 +377,15 @@ def test(options: list[str]) -> int:
 
     Panels try the ends of their sliders.
     """
-    tests = ROOT / "tests"
-    given = any(Path(word.split("::")[0]).exists() for word in options)
-    places = (
-        [] if given else [str(tests / "test_browser.py"), str(tests), str(ROOT / "notebooks")]
-    )  # what takes longest begins first
-    workers = (
-        []
-        if any(word.startswith(("-n", "--numprocesses", "--pdb")) for word in options)
-        else ["-n", "2"]
-    )
+    places = [ROOT / "tests" / "test_browser.py", ROOT / "tests", ROOT / "notebooks"]
+    if any(Path(word.split("::")[0]).exists() for word in options):
+        places = []  # else what takes longest begins first
+    workers = ["-n", "2"]
+    if any(word.startswith(("-n", "--numprocesses", "--pdb")) for word in options):
+        workers = []
     warm()
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "--nbval-lax",
-        "--nbval-current-env",
-        "--dist",
-        "loadfile",
-        "--no-loadscope-reorder",
-        *workers,
-        *options,
-        *places,
-    ]
+    how = ["--nbval-lax", "--nbval-current-env", "--dist", "loadfile", "--no-loadscope-reorder"]
+    command = [sys.executable, "-m", "pytest", *how, *workers, *options, *map(str, places)]
     return subprocess.run(command, cwd=ROOT, env=os.environ | {"LABKIT_CHECK": "1"}).returncode
 
 

@@ -1,8 +1,4 @@
-"""A browser of this computer: for tests, and to print a page.
-
-find_browser()                        # path of a Chrome, Chromium or Edge, or None
-print_to_pdf(page, pdf)               # False where there is none
-"""
+"""A browser of this computer: for tests, and to print a page."""
 
 from __future__ import annotations
 
@@ -17,51 +13,29 @@ from .run import write_whole
 
 __all__ = ["FLAGS", "find_browser", "print_to_pdf"]
 
-FLAGS = [
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
+FLAGS = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+FLAGS += ["--disable-component-update", "--disable-sync"]
 if hasattr(os, "geteuid") and os.geteuid() == 0:
     FLAGS.append("--no-sandbox")
 
 
 def find_browser() -> str | None:
-    """find_browser() -> a Chromium-like browser of this computer.
+    """find_browser() -> the path of a Chrome, Chromium or Edge, or None.
 
     LABKIT_BROWSER, on the path, or in the usual places.
     """
-    names = (
-        "chromium",
-        "chromium-browser",
-        "google-chrome",
-        "google-chrome-stable",
-        "chrome",
-        "msedge",
-        "microsoft-edge",
-        "microsoft-edge-stable",
-    )
+    names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"]
+    names += ["msedge", "microsoft-edge", "microsoft-edge-stable"]
     if sys.platform == "darwin":
         places = [
             f"/Applications/{name}.app/Contents/MacOS/{name}"
             for name in ("Google Chrome", "Chromium", "Microsoft Edge")
         ]
     else:
-        homes = [
-            os.environ.get(key, "") for key in ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")
-        ]
-        places = [
-            f"{home}/{rest}"
-            for home in homes
-            if home
-            for rest in (
-                "Google/Chrome/Application/chrome.exe",
-                "Microsoft/Edge/Application/msedge.exe",
-            )
-        ]
+        keys = ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")
+        homes = [os.environ[key] for key in keys if os.environ.get(key)]
+        windows = ("Google/Chrome/Application/chrome.exe", "Microsoft/Edge/Application/msedge.exe")
+        places = [f"{home}/{place}" for home in homes for place in windows]
     candidates = [os.environ.get("LABKIT_BROWSER"), *map(shutil.which, names), *places]
     return next((path for path in candidates if path and Path(path).exists()), None)
 

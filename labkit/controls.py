@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .draw.figure import symbol
-from .model import ModelError, System, listed, number
+from .model import ModelError, System, number
 from .run import Run
 from .solve import METHODS
 
@@ -46,6 +46,11 @@ class Control:
     apart: bool = False  # of models that begin with different values
 
     @property
+    def sets(self) -> str:
+        """The name of what it sets, as the notebook says it."""
+        return self.key.partition(".")[2] or self.key
+
+    @property
     def ends(self) -> tuple[float | str, ...]:
         return self.options if self.kind == "select" else (self.low, self.high)
 
@@ -68,164 +73,96 @@ def controls_of(
     p: Mapping[str, float],
     begin: Mapping[str, float],
     settings: Mapping[str, Any],
-    sliders: object,
-    taken: set[str],
+    wanted: Collection[str],
+    ranges: Mapping[str, Any],
     run: Run,
     startable: Callable[[str, float], bool],
 ) -> list[Control]:
-    """The sliders in their groups; author, Parameter or default run give each its range."""
-    only = (
-        None
-        if sliders is None or isinstance(sliders, Mapping)
-        else [sliders]
-        if isinstance(sliders, str)
-        else list(sliders)
-    )
-    ranges = {} if only is not None or sliders is None else dict(sliders)
-    known = [*system.parameters, *system.units, *SETTINGS]
-    if unknown := [name for name in (only or ranges) if name not in known]:
-        raise ModelError(
-            f"sliders names {listed(unknown)}, which {system.name!r} does not have; there are "
-            f"{listed(known)}"
-        )
-    wanted = [
-        name
-        for name in known
-        if (only is None or name in (*only, *SETTINGS))
-        and ranges.get(name, True) is not False
-        and name not in taken
-    ]
+    """The sliders that are wanted; author, Parameter or default run give each its range."""
     controls = []
-    for name in (name for name in p if name in wanted):
+    for name in p:
         made = system.parameters[name]
         low, high = _span(p[name], made.low, made.high)
-        controls.append(
-            Control(
-                f"p.{name}",
-                "parameters",
-                *symbol_and_index(name, made.symbol),
-                p[name],
-                low=low,
-                high=high,
-                unit=made.unit,
-                meaning=made.meaning,
-            )
-        )
-    for name in (name for name in begin if name in wanted):
-        seen = np.append(run[name][np.isfinite(run[name])], begin[name])
-        reach = rounded(1.5 * np.abs(seen).max(), 1) or 1.0
-        wide = (
-            (-reach if seen.min() < -1e-6 * reach else 0.0),
-            (reach if seen.max() > 1e-6 * reach or seen.min() >= 0 else 0.0),
-        )  # a sign that is kept
-        here = np.append(
-            run[name][run.mode_index == run.mode_index[0]], begin[name]
-        )  # where the run was in its first mode
-        low, high = (
-            next(end for end in ends if end == begin[name] or startable(name, end))
-            for ends in (
-                (wide[0], rounded(here.min(), 3), float(here.min()), begin[name]),
-                (wide[1], rounded(here.max(), 3), float(here.max()), begin[name]),
-            )
-        )
-        meaning = system.meanings[name] or "at the start"
-        controls.append(
-            Control(
-                f"start.{name}",
-                "start",
-                *symbol_and_index(name),
-                begin[name],
-                low=low,
-                high=high,
-                unit=system.unit(name),
-                meaning=meaning,
-            )
-        )
+        more = {"low": low, "high": high, "unit": made.unit, "meaning": made.meaning}
+        letters = symbol_and_index(name, made.symbol)
+        controls.append(Control(f"p.{name}", "parameters", *letters, p[name], **more))
+    for name in begin:
+        if name in wanted:
+            low, high = _starts(name, begin[name], run, startable)
+            meaning = system.meanings[name] or "at the start"
+            more = {"low": low, "high": high, "unit": system.unit(name), "meaning": meaning}
+            letters = symbol_and_index(name)
+            controls.append(Control(f"start.{name}", "start", *letters, begin[name], **more))
     if settings:
-        end = settings["t_end"]
-        controls += [
-            Control(
-                "t_end",
-                "algorithm",
-                "t",
-                "end",
-                end,
-                low=rounded(end / 10, 1),
-                high=rounded(2 * end, 2),
-                unit=system.time,
-                meaning="end of the run",
-            ),
-            Control(
-                "method",
-                "algorithm",
-                "method",
-                "",
-                settings["method"],
-                "select",
-                options=tuple(METHODS),
-                meaning="how a step is made",
-            ),
-            Control(
-                "rtol",
-                "algorithm",
-                "rtol",
-                "",
-                settings["rtol"],
-                "log",
-                1e-12,
-                1e-2,
-                1.0,
-                meaning="relative tolerance",
-                only="adaptive",
-            ),
-            Control(
-                "step",
-                "algorithm",
-                "h",
-                "",
-                settings["step"],
-                "log",
-                rounded(end / 20_000, 1),
-                rounded(end / 20, 1),
-                0.1,
-                system.time,
-                "size of a step",
-                only="fixed",
-            ),
-        ]
+        begun, (end, method, rtol, step) = float(run.t[0]), (settings[one] for one in SETTINGS)
+        wide, of, time = end - begun, "algorithm", system.time
+        low, high = begun + rounded(wide / 10, 1), begun + rounded(2 * wide, 2)
+        fine, coarse = rounded(wide / 20_000, 1), rounded(wide / 20, 1)
+        finish = Control("t_end", of, "t", "end", end, "slider", low, high, unit=time)
+        select = Control("method", of, "method", "", method, "select", options=tuple(METHODS))
+        tolerance = Control("rtol", of, "rtol", "", rtol, "log", 1e-12, 1e-2, 1.0, only="adaptive")
+        size = Control("step", of, "h", "", step, "log", fine, coarse, 0.1, time, only="fixed")
+        finish.meaning, select.meaning = "end of the run", "how a step is made"
+        tolerance.meaning, size.meaning = "relative tolerance", "size of a step"
+        controls += [finish, select, tolerance, size]
+    controls = [control for control in controls if control.sets in wanted]
     for control in controls:
-        name = control.key.rpartition(".")[2]
-        step = None
-        if not isinstance(ranges.get(name, True), bool):
-            try:
-                control.low, control.high, *step = (
-                    number(limit, f"slider of {name!r}") for limit in ranges[name]
-                )
-            except TypeError:
-                raise ModelError(
-                    f"slider of {name!r} must be (low, high), (low, high, step) or False, "
-                    f"not {ranges[name]!r}"
-                ) from None
-        low = control.low
         if control.kind != "select":
-            control.low, control.high = (
-                min(control.low, control.value),
-                max(control.high, control.value),
+            _ranged(control, ranges.get(control.sets, True))
+    return controls
+
+
+def _starts(
+    name: str, value: float, run: Run, startable: Callable[[str, float], bool]
+) -> tuple[float, float]:
+    """From where to where a state can start.
+
+    As far as the run went, and half as far again; with one sign where it kept it. If the model does
+    not start there, as far as the run was in its first mode.
+    """
+    seen = np.append(run[name][np.isfinite(run[name])], value)
+    reach = rounded(1.5 * np.abs(seen).max(), 1) or 1.0
+    low = -reach if seen.min() < -1e-6 * reach else 0.0
+    high = reach if seen.max() > 1e-6 * reach or seen.min() >= 0 else 0.0
+    here = np.append(run[name][run.mode_index == run.mode_index[0]], value)
+    lows, highs = (
+        (wide, rounded(near, 3), float(near), value)
+        for wide, near in ((low, here.min()), (high, here.max()))
+    )
+    low, high = (
+        next(end for end in ends if end == value or startable(name, end)) for ends in (lows, highs)
+    )
+    return low, high
+
+
+def _ranged(control: Control, given: Any) -> None:
+    """Ends and step of a slider: the author's (low, high) or (low, high, step), or round ones."""
+    name, low, high, step = control.sets, control.low, control.high, []
+    if not isinstance(given, bool):
+        try:
+            limits = [number(limit, f"slider of {name!r}") for limit in given]
+        except TypeError:
+            limits = []
+        if len(limits) not in (2, 3):
+            raise ModelError(
+                f"slider of {name!r} must be (low, high), (low, high, step) or False, not {given!r}"
             )
-            if control.low >= control.high or (control.kind == "log" and control.low <= 0):
-                raise ModelError(
-                    f"the slider of {name!r} cannot run from {control.low:g} to {control.high:g}: "
-                    f"give sliders={{{name!r}: (low, high)}}"
-                )
-        if control.kind == "slider" and step:
-            if not step[0] > 0:
-                raise ModelError(
-                    f"the slider of {name!r} has the step {step[0]:g}: a step must be above 0"
-                )
-            control.step, control.base = step[0], low
-        elif control.kind == "slider":
-            control.step = _nice((control.high - control.low) / 250)
-    return [control for control in controls if control.key.rpartition(".")[2] in wanted]
+        low, high, *step = limits
+    log = control.kind == "log"
+    control.low, control.high = min(low, control.value), max(high, control.value)
+    if low >= high or (log and control.low <= 0):
+        raise ModelError(
+            f"the slider of {name!r} cannot run from {low:g} to {high:g}: "
+            f"give sliders={{{name!r}: (low, high)}}"
+        )
+    if step:
+        if not step[0] > 0:
+            raise ModelError(
+                f"the slider of {name!r} has the step {step[0]:g}: a step must be above 0"
+            )
+        control.step, control.base = step[0], math.log10(low) if log else low
+    elif not log:
+        control.step = _nice((control.high - control.low) / 250)
 
 
 def _span(value: float, low: float | None, high: float | None) -> tuple[float, float]:
@@ -249,9 +186,8 @@ def rounded(value: float, digits: int) -> float:
 def _nice(value: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above the value."""
     power = 10.0 ** math.floor(math.log10(value))
-    return rounded(
-        power * max(factor for factor in (1, 2, 5) if factor <= value / power * (1 + 1e-12)), 1
-    )
+    factor = max(each for each in (1, 2, 5) if each <= value / power * (1 + 1e-12))
+    return rounded(power * factor, 1)
 
 
 def symbol_and_index(name: str, latex: str | None = None) -> tuple[str, str]:
@@ -270,9 +206,8 @@ def symbol_and_index(name: str, latex: str | None = None) -> tuple[str, str]:
 
 def _greek(word: str) -> str:
     size = "CAPITAL" if word[0].isupper() else "SMALL"
+    letter = word.upper().replace("LAMBDA", "LAMDA").removeprefix("VAR")
     try:
-        return unicodedata.lookup(
-            f"GREEK {size} LETTER {word.upper().replace('LAMBDA', 'LAMDA').removeprefix('VAR')}"
-        )
+        return unicodedata.lookup(f"GREEK {size} LETTER {letter}")
     except KeyError:
         return "\\" + word

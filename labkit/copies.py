@@ -1,30 +1,26 @@
-"""A student's own copies of the notebooks of a project, and the frame of a report.
-
-copy_project(13, "my-project")            # python -m labkit new 13 my-project
-"""
+"""A student's own copies of the notebooks of a project, and the frame of a report."""
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import nbformat
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
 from .course import Assignment, project
 from .model import ModelError, listed
-from .notebooks import read
+from .notebooks import KERNEL, read
 from .run import unwritable
 
 __all__ = ["REPORT", "copy_project"]
 
 REPORT = "report.ipynb"
 _LINK = re.compile(r"\]\((?![a-z]+:|#)([^)#]+)(#[^)]*)?\)")
-KERNEL = {
-    "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
-    "language_info": {"name": "python"},
-}
 OPENING = """# Mini-project {number}
 
 *Name:* …
@@ -64,10 +60,12 @@ def copy_project(number: int, folder: str | os.PathLike) -> list[Path]:
     missing notebook, a file that exists, and a folder that cannot be written.
     """
     folder, wanted = Path(folder), project(number)
+    number = wanted.number
     if missing := [a.path for a in wanted.assignments if not a.exists]:
         raise ModelError(f"project {number} has no notebook yet for {listed(missing)}")
-    texts = {_name(a): _copy(a, number, folder) for a in wanted.assignments}
-    texts[REPORT] = _report(number, wanted.assignments)
+    pages = {_name(a): _copy(a, number, folder) for a in wanted.assignments}
+    pages[REPORT] = _report(number, wanted.assignments)
+    texts = {name: nbformat.writes(page) + "\n" for name, page in pages.items()}
     reserved: list[Path] = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -104,18 +102,16 @@ def _name(a: Assignment) -> str:
     return a.path.replace("/", "_") + ".ipynb"
 
 
-def _copy(a: Assignment, number: int, folder: Path) -> str:
+def _copy(a: Assignment, number: int, folder: Path) -> Any:
     """The notebook without results; its links lead from the new place to the workbook."""
     page = read(a.notebook)
-    for cell in page["cells"]:
-        if cell["cell_type"] == "code":
-            cell["outputs"], cell["execution_count"] = [], None
+    for cell in page.cells:
+        if cell.cell_type == "code":
+            cell.outputs, cell.execution_count = [], None
         else:
-            text = "".join(cell["source"])
-            text = _LINK.sub(lambda m: _linked(m, a.notebook.parent, folder), text)
-            cell["source"] = text.splitlines(keepends=True)
-    page["metadata"]["labkit"] = {"project": number, "assignment": a.path}
-    return _text(page)
+            cell.source = _LINK.sub(lambda m: _linked(m, a.notebook.parent, folder), cell.source)
+    page.metadata["labkit"] = {"project": number, "assignment": a.path}
+    return page
 
 
 def _linked(found: re.Match, old: Path, new: Path) -> str:
@@ -127,39 +123,21 @@ def _linked(found: re.Match, old: Path, new: Path) -> str:
     return f"]({Path(path).as_posix() if '://' not in path else path}{found[2] or ''})"
 
 
-def _report(number: int, assignments: tuple[Assignment, ...]) -> str:
-    cells = [_cell(OPENING.format(number=number), "slide")]
+def _report(number: int, assignments: tuple[Assignment, ...]) -> Any:
+    cells: list[Any] = []
+
+    def add(text: str, slide: str = "slide", make: Callable[..., Any] = new_markdown_cell) -> None:
+        metadata = {"slideshow": {"slide_type": slide}}
+        cells.append(make(text, id=f"report-{len(cells):02}", metadata=metadata))
+
+    add(OPENING.format(number=number))
     for a in assignments:
-        cells.append(_cell(f"## Part {a.part}. {a.title}\n\n[The notebook]({_name(a)})", "slide"))
-        cells += [
-            _cell(f"### {head}\n\n*{what}*", "slide" if head == "Experiments" else "skip")
-            for head, what in QUESTIONS.items()
-        ]
+        add(f"## Part {a.part}. {a.title}\n\n[The notebook]({_name(a)})")
+        for head, what in QUESTIONS.items():
+            add(f"### {head}\n\n*{what}*", "slide" if head == "Experiments" else "skip")
     for head, what in CLOSING.items():
-        cells.append(_cell(f"## {head}\n\n*{what}*", "slide"))
+        add(f"## {head}\n\n*{what}*")
         if head == "A problem of my own":
-            cells.append(
-                {
-                    "cell_type": "code",
-                    "execution_count": None,
-                    "metadata": {"slideshow": {"slide_type": "skip"}},
-                    "outputs": [],
-                    "source": OWN.splitlines(keepends=True),
-                }
-            )
-    for k, cell in enumerate(cells):
-        cell["id"] = f"report-{k:02}"
-    metadata = {**KERNEL, "labkit": {"project": number}}
-    return _text({"cells": cells, "metadata": metadata, "nbformat": 4, "nbformat_minor": 5})
-
-
-def _cell(text: str, slide: str) -> dict[str, Any]:
-    return {
-        "cell_type": "markdown",
-        "metadata": {"slideshow": {"slide_type": slide}},
-        "source": text.splitlines(keepends=True),
-    }
-
-
-def _text(page: dict[str, Any]) -> str:
-    return json.dumps(page, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
+            add(OWN, "skip", new_code_cell)
+    about = {"kernelspec": KERNEL, "language_info": {"name": "python"}}
+    return new_notebook(cells=cells, metadata={**about, "labkit": {"project": number}})

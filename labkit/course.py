@@ -13,28 +13,19 @@ from __future__ import annotations
 
 import html
 import json
-import operator
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 from .arguments import asked
 from .model import ModelError, listed
-from .notebooks import HOME, found
+from .notebooks import HOME, found, parsed
 from .run import write_whole
 
-__all__ = [
-    "PROJECTS",
-    "Assignment",
-    "Project",
-    "assignment",
-    "catalogue",
-    "choose",
-    "project",
-    "refresh",
-]
+__all__ = ["Assignment", "Project", "assignment", "catalogue", "choose", "project", "refresh"]
 
 PROJECTS = 30
 PARTS = {
@@ -113,19 +104,15 @@ def project(number: int) -> Project:
     Part 1 goes round its 12 assignments, part 2 round its 16, part 3 round its 15.
     Raises ModelError unless number is 1 … 30.
     """
-    try:
-        n = operator.index(number)
-    except TypeError:
-        n = 0
-    if isinstance(number, bool) or not 1 <= n <= PROJECTS:
+    whole = isinstance(number, Integral) and not isinstance(number, bool)
+    if not whole or not 1 <= number <= PROJECTS:
         raise ModelError(
             f"there is no project {number!r}: a project number is a whole number from 1 to "
             f"{PROJECTS}"
         )
-    pick = [
-        [a for a in ASSIGNMENTS if a.part == part and a.name[0].isdigit()] for part in (1, 2, 3)
-    ]
-    return Project(n, tuple(names[(n - 1) % len(names)] for names in pick))  # type: ignore[arg-type]
+    numbered = [a for a in ASSIGNMENTS if a.name[0].isdigit()]
+    parts = ([a for a in numbered if a.part == part] for part in (1, 2, 3))
+    return Project(int(number), tuple(each[(number - 1) % len(each)] for each in parts))  # type: ignore[arg-type]
 
 
 @asked
@@ -134,12 +121,7 @@ def assignment(part: int, name: int | str) -> Assignment:
 
     Raises ModelError for one that is not in the course.
     """
-    wanted = str(name).lower()
-    wanted = (
-        f"{wanted[0]}.{wanted[1]}"
-        if len(wanted) == 2 and wanted[0].isdigit() and wanted[1].isalpha()
-        else wanted
-    )
+    wanted = re.sub(r"^(\d)([a-z])$", r"\1.\2", str(name).lower())
     if isinstance(part, bool) or part not in (1, 2, 3):
         raise ModelError(f"there is no part {part!r}: the course has the parts 1, 2 and 3")
     there = {a.name: a for a in ASSIGNMENTS if a.part == part}
@@ -186,17 +168,13 @@ def catalogue() -> _Catalogue:
                 f"| {a.story.replace('|', '&#124;')} |"
                 for a in there
             ]
-            markdown.append(
-                "\n".join(["| | notebook | what it is about |", "|:---|:---|:---|", *rows])
-            )
+            head = ["| | notebook | what it is about |", "|:---|:---|:---|"]
+            markdown.append("\n".join([*head, *rows]))
         if missing:
             names_to_come = (f"{_plain(_numbered(a))} (`{a.path}`)" for a in missing)
             markdown.append(f"*No notebook yet:* {'; '.join(names_to_come)}.")
-        text += [
-            title,
-            *(f"  {_numbered(a)}: {a.path}.ipynb" for a in there),
-            *([f"  no notebook yet: {len(missing)}"] if missing else []),
-        ]
+        text += [title, *(f"  {_numbered(a)}: {a.path}.ipynb" for a in there)]
+        text += [f"  no notebook yet: {len(missing)}"] * bool(missing)
     if any(not a.exists for a in ASSIGNMENTS):
         markdown.append(WITHOUT)
     return _Catalogue("\n\n".join(markdown), "\n".join(text))
@@ -208,7 +186,7 @@ def refresh() -> bool:
     The list is the cell of notebooks/start.ipynb with the tag "catalogue".
     """
     path = HOME / "start.ipynb"
-    page = json.loads(path.read_text(encoding="utf-8"))
+    page = parsed(path)
     lines = catalogue()._repr_markdown_().splitlines(keepends=True)
     (cell,) = (c for c in page["cells"] if "catalogue" in c["metadata"].get("tags", []))
     if cell["source"] == lines:
@@ -225,14 +203,18 @@ def heading(path: Path) -> str:
 
 
 def _opening(path: Path) -> tuple[str, str]:
-    """The first heading of a notebook, and the paragraph after it without its first words in
-    italics, which say whose it is; "" for what there is not.
-    """
     try:
-        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+        return opening(parsed(path)["cells"])
     except (OSError, ValueError, KeyError, TypeError):
         return "", ""
+
+
+def opening(cells: Iterable[Mapping[str, Any]]) -> tuple[str, str]:
+    """opening(notebook.cells) -> the first heading, and the paragraph after it.
+
+    Without its first words in italics, which say whose it is; "" for what there is not.
+    """
+    texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
     found = re.search(r"^#+ *(.*)$\s*((?:.+\n?)*)", "\n\n".join(texts), re.MULTILINE)
     head, words = found.groups() if found else ("", "")
     words = "" if words.startswith("#") else words  # another heading
@@ -267,29 +249,26 @@ def choose(number: int = 1) -> None:
     import ipywidgets as widgets
     from IPython.display import display
 
-    class Slider(widgets.IntSlider):
-        def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
-            return {**super()._repr_mimebundle_(**options), "text/html": overview()}
+    def kept(kind: Any, words: str) -> Any:
+        """A kind of widget that leaves these words in a saved notebook."""
 
-    slider = Slider(
-        project(number).number,
-        1,
-        PROJECTS,
-        description="project",
-        layout=widgets.Layout(width="34em"),
+        class Kept(kind):
+            def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
+                return {**super()._repr_mimebundle_(**options), "text/html": words}
+
+        return Kept
+
+    first, wide = project(number), widgets.Layout(width="34em")
+    slider = kept(widgets.IntSlider, overview())(
+        first.number, 1, PROJECTS, description="project", layout=wide
     )
-
-    class Row(widgets.HBox):
-        def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
-            words = "<p><i>A button for copies of your own is here when the cell has run.</i></p>"
-            return {**super()._repr_mimebundle_(**options), "text/html": words}
-
+    words = "<p><i>A button for copies of your own is here when the cell has run.</i></p>"
     copies = widgets.Button(description="Make my own copies", tooltip="of its three notebooks")
     said = widgets.HTML()
     copies.on_click(lambda _: setattr(said, "value", _copied(slider.value)))
     display(slider)
-    place = display(project(number), display_id=True)
-    display(Row([copies, said]))
+    place = display(first, display_id=True)
+    display(kept(widgets.HBox, words)([copies, said]))
 
     def follow(change: dict[str, Any]) -> None:
         place.update(project(change["new"]))

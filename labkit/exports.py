@@ -28,19 +28,17 @@ if TYPE_CHECKING:
 
 __all__ = ["frame", "how", "lines", "parquet", "repeated", "zipped"]
 
-HERE = ("backend",)  # options that say where a run was made and not what it is
-
 
 def how(run: Run) -> dict[str, Any]:
     """how(run) -> {"model", "parameters", "options", "ended"}, all of it plain values."""
     options = {
         name: value.tolist() if isinstance(value, np.ndarray) else value
         for name, value in run.options.items()
-        if value is not None and name not in HERE
+        if value is not None and name != "backend"  # where it was made, not what it is
     }
     return {
         "model": run.system.name,
-        "parameters": dict(zip(run.p._fields, run.p, strict=True)),
+        "parameters": run.p._asdict(),
         "options": options,
         "ended": run.stopped,
     }
@@ -79,7 +77,7 @@ def _read(path: Path) -> Any:
         return json.loads(first.removeprefix("#")) if first.startswith("#") else None
     except ImportError:
         raise _missing("a Parquet file", "pyarrow") from None
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # a damaged file says it in many ways
         said = getattr(error, "strerror", None) or error
         raise ModelError(f"{str(path)!r} cannot be read ({said})") from None
 
@@ -98,7 +96,7 @@ def lines(heads: Sequence[str], rows: Iterable[Iterable[object]], said: object =
 def zipped(run: Run, columns: Mapping[str, np.ndarray]) -> bytes:
     """zipped(run, run.columns()) -> an NPZ file: columns, parameters, ledger, and how."""
     data = io.BytesIO()
-    parameters = {f"p.{name}": x for name, x in zip(run.p._fields, run.p, strict=True)}
+    parameters = {f"p.{name}": x for name, x in run.p._asdict().items()}
     ledger = {
         "event.t": [e.t for e in run.events],
         "event.transition": np.array([e.transition for e in run.events], dtype=str),

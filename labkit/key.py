@@ -1,8 +1,5 @@
 """A teacher's key: the answers of a project, for the values that a student has chosen.
 
-for each in key(13): print(each)              # python -m labkit key 13: the workbook's own values
-for each in key("project-13"): print(each)    # of a student's folder: the key beside the student's
-
 The workbook's notebook runs with the student's parameters and start put into its models; what its
 checked cells print then stands beside what the student's notebook prints.
 """
@@ -14,6 +11,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +61,8 @@ class Key:
 def key(which: int | str | os.PathLike) -> Iterator[Key]:
     """key(13) or key("project-13") -> the Key of each notebook, one after the other.
 
+    By the workbook's own values, or by those in a student's folder, beside what the student has.
+
     Raises ModelError for a number that is no project, and for a folder without a student's copies.
     """
     if isinstance(which, int):
@@ -88,9 +88,9 @@ def _assignment(path: Path) -> str:
 
 
 def _own_values(path: Path, name: str) -> Key:
-    notebook = executed(path, allow_errors=True, LABKIT_RECORD="answers")
-    answers = [(asked_for, right, "", "") for asked_for, right, _, _ in _answers(notebook.cells)]
-    return Key(name, [], [(line, line) for line in _checked(notebook.cells)], answers)
+    cells = executed(path, allow_errors=True, LABKIT_RECORD="answers").cells
+    answers = [(asked_for, right, "", "") for asked_for, right, _, _ in _answers(cells)]
+    return Key(name, [], [(line, line) for line in _checked(cells)], answers)
 
 
 def _students(path: Path, original: Path) -> Key:
@@ -106,7 +106,7 @@ def _students(path: Path, original: Path) -> Key:
         if default[name][part].get(what) != value
     ]
     right = _run_with(original, chosen).cells
-    pairs = _beside(_checked(right), _checked(theirs.cells))
+    pairs = list(zip_longest(_checked(right), _checked(theirs.cells), fillvalue="–"))
     given = {name: (answer, mark) for name, _, answer, mark in _answers(theirs.cells)}
     answers = [
         (name, value, *given.get(name, ("–", MARKS[None]))) for name, value, _, _ in _answers(right)
@@ -127,13 +127,10 @@ def _values(path: Path) -> dict[str, dict[str, dict[str, float]]]:
 
 def _run_with(original: Path, chosen: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Any:
     """The workbook's notebook, with other values in its models as soon as they are made."""
-    notebook, cells = read(original), []
-    for cell in notebook.cells:
-        cells.append(cell)
-        for name in _makes(cell):
-            if name in chosen:
-                cells.append(nbformat.v4.new_code_cell(_put(name, chosen[name])))
-    notebook.cells = cells
+    notebook = read(original)
+    for k, cell in reversed(list(enumerate(notebook.cells, 1))):
+        puts = [_put(name, chosen[name]) for name in _makes(cell) if name in chosen]
+        notebook.cells[k:k] = map(nbformat.v4.new_code_cell, puts)
     return executed(original, notebook=notebook, allow_errors=True, LABKIT_RECORD="answers")
 
 
@@ -141,21 +138,17 @@ def _makes(cell: Any) -> list[str]:
     """The models to which a cell gives a name."""
     if cell["cell_type"] != "code":
         return []
-    return [
-        target.id
-        for node in ast.parse(cell["source"]).body
-        if isinstance(node, ast.Assign)
-        for target in node.targets
-        if isinstance(target, ast.Name) and target.id in MODELS
-    ]
+    assigned = (node for node in ast.parse(cell["source"]).body if isinstance(node, ast.Assign))
+    targets = (name for node in assigned for each in node.targets for name in ast.walk(each))
+    return [name.id for name in targets if isinstance(name, ast.Name) and name.id in MODELS]
 
 
 def _put(name: str, chosen: Mapping[str, Mapping[str, float]]) -> str:
+    values, start = dict(chosen["values"]), dict(chosen["start"])
     return (
         f"{name} = {name}.variant({name}.name, "
-        f"parameters={{k: v for k, v in {dict(chosen['values'])!r}.items() "
-        f"if k in {name}.parameters}}, "
-        f"start={{k: v for k, v in {dict(chosen['start'])!r}.items() if k in {name}.start}})"
+        f"parameters={{k: v for k, v in {values!r}.items() if k in {name}.parameters}}, "
+        f"start={{k: v for k, v in {start!r}.items() if k in {name}.start}})"
     )
 
 
@@ -181,12 +174,3 @@ def _answers(cells: list[Any]) -> Iterator[tuple[str, str, str, str]]:
         given = "–" if check["ok"] is None else check["answer"]
         within = f" (within {check['within']})" if check["within"] else ""
         yield name, check["right"] + within, given, MARKS[check["ok"]]
-
-
-def _beside(right: list[str], given: list[str]) -> list[tuple[str, str]]:
-    """Line by line, as far as both have lines."""
-    longest = max(len(right), len(given))
-    return [
-        (right[k] if k < len(right) else "–", given[k] if k < len(given) else "–")
-        for k in range(longest)
-    ]

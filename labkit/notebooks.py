@@ -1,9 +1,5 @@
 """Notebooks as files: which there are, running them in a fresh kernel, and what a saved one keeps.
 
-execute("notebooks/part1/00_sample_stable_spiral.ipynb")   # python -m labkit run does so for all
-named("part3/06")                                          # the notebook that is meant
-strip(notebook)                                            # the save hook of Jupyter does the same
-
 A saved notebook keeps pictures and text and nothing of a widget: model ids would make diffs, a
 trusted notebook reopened without a kernel would show "model not found", an exported page an empty
 canvas.
@@ -39,6 +35,7 @@ __all__ = [
     "in_one_line",
     "in_parallel",
     "named",
+    "parsed",
     "pre_save_hook",
     "read",
     "state",
@@ -55,15 +52,10 @@ FILTERS = {
     "contents": "labkit.page.contents",
 }
 WIDGET = "application/vnd.jupyter.widget-view+json"
+KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
 #: What the kernel says of itself and is not of this machine or day.
-LANGUAGE = {
-    "codemirror_mode",
-    "file_extension",
-    "mimetype",
-    "name",
-    "nbconvert_exporter",
-    "pygments_lexer",
-}
+LANGUAGE = {"codemirror_mode", "file_extension", "mimetype", "name"}
+LANGUAGE |= {"nbconvert_exporter", "pygments_lexer"}
 
 
 def found(folder: str | os.PathLike = HOME) -> list[Path]:
@@ -88,20 +80,25 @@ def named(word: str, folder: str | os.PathLike = HOME) -> Path:
     name = word.removesuffix(".ipynb").removeprefix("notebooks/")
     if name in names:
         return names[name]
-    short = {known: known.rpartition("/")[2] for known in names}
-    begins = [known for known in names if name and name in (known, short[known])]
-    begins = begins or [
-        known for known in names if name and any(n.startswith(name) for n in (known, short[known]))
-    ]
+    words = {known: (known, known.rpartition("/")[2]) for known in names}
+
+    def those(fits: Callable[[str], bool]) -> list[str]:
+        return [known for known, both in words.items() if name and any(map(fits, both))]
+
+    begins = those(name.__eq__) or those(lambda known: known.startswith(name))
     if len(begins) == 1:
         return names[begins[0]]
     if begins:
         raise LookupError(f"{word!r} is not one notebook; say one of: {', '.join(begins)}")
-    close = difflib.get_close_matches(name, [*names, *short.values()], n=3)
-    meant = [known for known in names if name and name in known]
-    meant = meant or [known for known in names if known in close or short[known] in close]
+    close = difflib.get_close_matches(name, [each for both in words.values() for each in both])
+    meant = those(lambda known: name in known) or those(close.__contains__)
     what = f"; did you mean {' or '.join(meant)}?" if meant else f"; there are {', '.join(names)}"
     raise LookupError(f"{word!r} is no notebook{what}")
+
+
+def parsed(path: str | os.PathLike) -> Any:
+    """parsed("my.ipynb") -> the file's JSON as it is; some editors put a mark at its beginning."""
+    return json.loads(Path(path).read_text(encoding="utf-8-sig"))
 
 
 def read(path: str | os.PathLike) -> Any:
@@ -112,7 +109,7 @@ def read(path: str | os.PathLike) -> Any:
     import nbformat
 
     try:
-        page = json.loads(Path(path).read_text(encoding="utf-8-sig"))
+        page = parsed(path)
         page.setdefault("metadata", {})
         for cell in page.get("cells", ()):
             cell.setdefault("metadata", {})
@@ -131,14 +128,11 @@ def read(path: str | os.PathLike) -> Any:
     return notebook
 
 
-def state(path: Path, *more: str) -> str:
-    """state(path, "metadata") -> a digest of a notebook's cells and of labkit, not of results."""
-    try:
-        cells = json.loads(path.read_text(encoding="utf-8-sig"))["cells"]
-        keys = ("cell_type", "source", *more)
-        text = json.dumps([[cell[key] for key in keys] for cell in cells]).encode()
-    except (ValueError, KeyError, TypeError):
-        text = path.read_bytes()
+def state(notebook: Any, *without: str) -> str:
+    """state(notebook, "metadata") -> a digest of its cells, without these parts, and of labkit."""
+    results = {"id", "outputs", "execution_count", *without}
+    cells = [{k: v for k, v in cell.items() if k not in results} for cell in notebook["cells"]]
+    text = json.dumps(cells, sort_keys=True).encode()
     return hashlib.sha256(_package() + text).hexdigest()
 
 
@@ -184,10 +178,8 @@ def strip(notebook: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
             if isinstance(data.get("text/plain"), str):
                 data["text/plain"] = re.sub(r" at 0x[0-9a-fA-F]+", "", data["text/plain"])
             last = outputs[-1] if outputs else {}
-            if (
-                output["output_type"] == "stream" == last.get("output_type")
-                and output["name"] == last["name"]
-            ):
+            stream = output["output_type"] == "stream" == last.get("output_type")
+            if stream and output["name"] == last["name"]:
                 last["text"] = _text(last["text"]) + _text(output["text"])
             else:
                 outputs.append(output)
@@ -240,6 +232,7 @@ def executed(
 
     path = Path(path)
     notebook = read(path) if notebook is None else notebook
+    private = "auto" if zmq.has("curve") else "disabled"
     client = NotebookClient(
         notebook,
         timeout=timeout,
@@ -248,9 +241,7 @@ def executed(
         extra_arguments=["--log-level=ERROR"],  # a warning at each start says that TCP is plain
         store_widget_state=False,
         resources={"metadata": {"path": str(path.parent)}},
-        config=Config(
-            KernelManager={"transport_encryption": "auto" if zmq.has("curve") else "disabled"}
-        ),
+        config=Config(KernelManager={"transport_encryption": private}),
     )
     _at_work.add(client)
     try:
@@ -262,11 +253,7 @@ def executed(
         raise ModelError(f"{said}: run it in Jupyter, cell by cell") from error
     finally:
         _at_work.discard(client)
-    notebook.metadata["kernelspec"] = {
-        "display_name": "Python 3 (ipykernel)",
-        "language": "python",
-        "name": "python3",
-    }
+    notebook.metadata["kernelspec"] = dict(KERNEL)
     return notebook
 
 
@@ -331,13 +318,14 @@ def execute_all(paths: list[str], say: Callable[[str], None] = print) -> int:
         return f"{path}: {time.perf_counter() - begin:.1f} s, {path.stat().st_size / 1000:.0f} kB"
 
     def done(name: str | Path, task: Future) -> None:
-        error = task.exception()
-        failed.append(name) if error else None
+        if error := task.exception():
+            failed.append(name)
         say(f"{name}: failed\n{error}" if error else task.result())
 
     failed: list[str | Path] = []
-    folders = [found(name) if Path(name).is_dir() else [name] for name in paths or [HOME]]
-    names = [name for names in folders for name in names]
+    names: list[str | Path] = []
+    for name in paths or [HOME]:
+        names += found(name) if Path(name).is_dir() else [name]
     if not names:
         raise ModelError(f"there are no notebooks in {' and '.join(map(repr, paths))}")
     in_parallel(one, names, done, workers=1)

@@ -1,8 +1,5 @@
 """A notebook as one page of HTML that needs no network: to read, to print, to hand out.
 
-page("notebooks/part3/06_dc_dc_converter.ipynb")     # python -m labkit page part3/06
-markdown_to_html("the root of $x^2 = 2$")            # formulas as MathML
-
 Formulas are written as MathML, which every browser shows by itself; pictures carry their
 alternative texts; a cell whose source is hidden is folded. The page's form is in the template
 labkit/jupyter/nbconvert/templates/labkit.
@@ -13,6 +10,7 @@ from __future__ import annotations
 import html
 import os
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +29,7 @@ _FORMULA = re.compile(r"\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
 _NO_TEXT = re.compile(
     r"(<(?:pre|code|script|style)\b.*?</(?:pre|code|script|style)>|<[^>]*>)", re.DOTALL
 )
+_HEADING = re.compile(r'<h([1-6]) id="([^"]*)">(.*?)<a class="anchor-link" href="#[^"]*"')
 _MATH = LatexToMathML(fancy_error=False)
 
 
@@ -80,25 +79,25 @@ def typeset(text: str) -> str:
     return "".join(pieces)
 
 
-def contents(notebook: Any, levels: str = "##") -> str:
-    """The filter `contents` of a template: links to the headings of the second level.
+def contents(text: str, levels: str = "2") -> str:
+    """The filter `contents` of a template: before a page's cells links to headings of these levels.
 
-    levels="##?" takes those of the first as well.
+    A heading that comes again, as in a report of several notebooks, gets a place of its own.
     """
-    lines = [
-        line
-        for cell in notebook["cells"]
-        if cell["cell_type"] == "markdown"
-        for line in cell["source"].splitlines()
-        if re.match(f"{levels} ", line)
-    ]
-    text = MarkdownWithMath(renderer=Formulas(escape=False)).render("\n\n".join(lines))
-    found = re.findall(r'<h([12]) id="(.*?)">(.*?)<a class="anchor-link"', text)
-    items = "\n".join(
-        f'<li class="labkit-h{level}"><a href="#{place}">{title}</a></li>'
-        for level, place, title in found
-    )
-    return f'<nav class="labkit-contents" aria-label="Contents"><ol>\n{items}\n</ol></nav>'
+    items, seen = [], Counter()
+
+    def placed(found: re.Match) -> str:
+        level, place, title = found.groups()
+        seen[place] += 1
+        place += f"-{seen[place]}" * (seen[place] > 1)
+        if level in levels:
+            items.append(f'<li class="labkit-h{level}"><a href="#{place}">{title}</a></li>')
+        return f'<h{level} id="{place}">{title}<a class="anchor-link" href="#{place}"'
+
+    text = _HEADING.sub(placed, text)
+    links = "\n".join(items)
+    nav = f'<nav class="labkit-contents" aria-label="Contents"><ol>\n{links}\n</ol></nav>\n'
+    return nav * bool(levels) + text
 
 
 class Page(HTMLExporter):

@@ -1,9 +1,8 @@
 """A panel: sliders made from the model and a live figure, in one widget.
 
-    explore(ball, 12.0)                         # time plot and phase portrait, all sliders
-    explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False})
-    explore(ball, 12.0, picture, verdict=lambda run: f"{len(run.events)} bounces")
-    explore(ball, 12.0, picture, presets={"dead": {"e": 0.0}, "on the moon": {"g": 1.62}})
+    explore(ball, 12.0, picture, sliders={"e": (0, 1), "g": False},
+            verdict=lambda run: f"{len(run.events)} bounces",
+            presets={"dead": {"e": 0.0}, "on the moon": {"g": 1.62}})
 
 Matplotlib owns the figure, the browser owns sliders and pixels. `panel.js` sends the newest values
 with a number, one unanswered message at a time; `Panel` answers each with one picture (or one
@@ -17,17 +16,17 @@ import base64
 import io
 import mimetypes
 import os
-import re
-import shutil
 import sys
 import tempfile
 import textwrap
 import traceback
+import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import anywidget
 import numpy as np
@@ -40,43 +39,28 @@ from .controls import SETTINGS, Control, controls_of, rounded, symbol_and_index
 from .draw.figure import CSS_DPI, PNG_DPI, _palette_png, figure, style
 from .draw.overlay import Handle, Overlay
 from .draw.record import Scene
-from .draw.view import Only, Together
-from .draw.view import View as Picture
+from .draw.ticks import said as in_words
+from .draw.view import Only, Together, View
 from .draw.words import described
 from .interrupt import hear_interrupts, interruptible
-from .model import ModelError, System, listed, number
+from .model import ModelError, System, check_names, listed, named, number
 from .recorded import MIME, record
 from .run import Ended, Run
-from .several import Merged, Several
+from .several import Merged, Several, file_name
 from .solve import FIXED_STEP, simulate
 
-__all__ = ["Control", "Panel", "View", "explore"]
+__all__ = ["Control", "Panel", "explore"]
 
 MOST = 3_000_000  # bytes of points; a picture with more of them is sent as a bitmap
 KINDS = {"ready", "set", "drag", "limits", "start", "clear", "cursor", "hold", "large", "undo"}
 METHOD, RTOL = "DOP853", 1e-8  # what explore begins with
 
 
-class View(Protocol):
-    """What a panel needs of a picture: an object with these four, made once by `draw(run)`.
-
-    figure     made by labkit.draw.figure
-    artists    those that `update` changes: drawn anew for every picture, the rest only once
-    relimited  True when the last `update` changed anything else (limits, ticks, a title): then
-               the still part is drawn again
-    """
-
-    figure: Any
-    artists: Iterable[Any]
-    relimited: bool
-
-    def update(self, run: Run) -> None: ...
-
-
 class Panel(anywidget.AnyWidget):
-    """Panel(title, controls, compute, view, verdict, run, presets): the widget behind `explore`.
+    """Panel(title, controls, compute, views, verdict, run, presets): the widget behind `explore`.
 
-    compute(values by control key) -> Run.
+    compute(values by control key) -> Run. Of a view it needs `figure`, `artists`, `relimited` and
+    `update` (draw/view.py says what they are).
     """
 
     _esm = Path(__file__).with_name("panel.js")
@@ -90,22 +74,18 @@ class Panel(anywidget.AnyWidget):
         title: str,
         controls: list[Control],
         compute: Callable[[dict], Run],
-        view: View,
+        views: list[View],
         verdict: Callable[[Run], str],
         run: Run,
         presets: Mapping[str, dict] | None = None,
     ):
         self.title, self.controls, self.compute, self.verdict = title, controls, compute, verdict
         self.run, self.presets, self.first_run = run, dict(presets or {}), run
-        self.defaults = {
-            control.key: Own(control.value) if control.apart else control.value
-            for control in controls
-        }
-        self.values, self.figure = dict(self.defaults), view.figure
-        self.size, self.png = view.figure.css_size, view.figure.png()
+        self.defaults = {one.key: Own(one.value) if one.apart else one.value for one in controls}
+        self.values, self.figure = dict(self.defaults), views[0].figure
+        self.size, self.png = self.figure.css_size, self.figure.png()
         # What follows is on the screen only: handles for the start in each plane, cursor, held run,
         # clicked trajectories.
-        views = getattr(view, "views", (view,))
         self.shows = [show for part in views for show in getattr(part, "shows", ())]
         starts = [
             Handle(show.axes, show.x, show.names[0], meaning="start")
@@ -124,12 +104,15 @@ class Panel(anywidget.AnyWidget):
         self.limits = {axes: (axes.get_xlim(), axes.get_ylim()) for axes in self.figure.axes}
         self.kept, self.past = self.values, []  # settings after the last change, and before it
         self.held, self.t = False, None
-        self.inches = tuple(view.figure.get_size_inches())
+        self.inches = tuple(self.figure.get_size_inches())
         self.stopped, self.words = self._judge(run)
-        width, height = (float(CSS_DPI * inches) for inches in self.figure.get_size_inches())
-        moves = bool(self.shows) or any(_moves(part) for part in views)
+        width, height = (float(CSS_DPI * inches) for inches in self.inches)
+        moves = bool(self.shows) or any(
+            isinstance(part, View) and type(part).at is not View.at for part in views
+        )
         # Under Voilà the kernel's folder is not the reader's.
         download = os.environ.get("SERVER_SOFTWARE", "").startswith("voila")
+        words = described(self.figure)
         super().__init__(
             first=self.png,
             spec={
@@ -139,7 +122,7 @@ class Panel(anywidget.AnyWidget):
                 "fixed": FIXED_STEP,
                 "verdict": self.words,
                 "stopped": self.stopped,
-                "alt": _in_words(view.figure, title),
+                "alt": words if words.startswith(title) else f"{title}: {words}",
                 "controls": [asdict(control) for control in controls],
                 "presets": self.presets,
                 "time": run.system.time,
@@ -156,13 +139,11 @@ class Panel(anywidget.AnyWidget):
     def _repr_mimebundle_(self, **_: object) -> tuple[dict, dict]:
         """The widget view, and a picture with its words: all that a saved notebook keeps."""
         data, metadata = super()._repr_mimebundle_()
-        (width, height), run = self.size, self.first_run
-        # No measured time in it: the picture is the same whenever the notebook runs.
-        said = _counted(run) if self.verdict is _verdict else self._judge(run)[1]
-        fixed = self.defaults.get("method") in FIXED_STEP
-        values = [str(one) for one in self.controls if one.only != ("adaptive", "fixed")[not fixed]]
-        values = [value.replace(" ", "\u00a0") for value in values]  # no line breaks inside
-        lines = [", ".join(values), self._judge(run)[0], said, "Run this cell for sliders."]
+        (width, height), (stopped, said) = self.size, self._judge(self.first_run)
+        if self.verdict is _verdict:  # without its time: the picture is the same in each run
+            said = _counted(self.first_run)
+        values = [str(one).replace(" ", "\u00a0") for one in self.shown()]  # no line breaks inside
+        lines = [", ".join(values), stopped, said, "Run this cell for sliders."]
         png, more = _captioned(self.png, self.inches[0], list(filter(None, lines)))
         if os.environ.get("LABKIT_RECORD") == "1":  # a page is being made (recorded.py)
             data = {**data, MIME: base64.b64encode(record(self)).decode()}
@@ -170,6 +151,11 @@ class Panel(anywidget.AnyWidget):
             **metadata,
             "image/png": {"width": width, "height": height + more, "alt": self.spec["alt"]},
         }
+
+    def shown(self) -> list[Control]:
+        """panel.shown() -> the controls that are there at first: of steps or of a tolerance."""
+        hidden = "adaptive" if self.defaults.get("method") in FIXED_STEP else "fixed"
+        return [control for control in self.controls if control.only != hidden]
 
     def __repr__(self) -> str:
         return f"panel of {self.title!r}"
@@ -246,37 +232,37 @@ class Panel(anywidget.AnyWidget):
     def code(self) -> str:
         """panel.code() -> 'explore(system, 12.0, k=2.3, start={"x": 1.0}, method="RK45")'.
 
-        The settings on show as a line of Python: what differs from the model and from `simulate`.
+        The settings on show as a line of Python: what differs from the model and from `explore`.
         """
-        run, said = self.run, []
-        system = run.system
-        for name, made in system.parameters.items():
-            if (value := getattr(run.p, name)) != made.value or self._shared(f"p.{name}"):
-                said.append(f"{name}={_written(value)}")
+        run, values = self.run, self.values
+        one = next(iter(run.values())) if isinstance(run, Several) else run
+        system, how = run.system, one.options
+        said = [
+            f"{name}={_written(value)}"
+            for name, value in run.p._asdict().items()
+            if value != system.parameters[name].value or self._shared(f"p.{name}")
+        ]
         first = [
             f'"{name}": {_written(value)}'
             for name, value in run.start.items()
             if value != system.start.get(name) or self._shared(f"start.{name}")
         ]
-        said += ["start={" + ", ".join(first) + "}"] if first else []
-        values = self.values
-        if values.get("method", METHOD) != METHOD:
-            said.append(f'method="{values["method"]}"')
-        if values.get("method") in FIXED_STEP:
-            said.append(f"step={_written(values['step'])}" if "step" in values else "")
-        elif values.get("rtol", RTOL) != RTOL:
-            said.append(f"rtol={_written(values['rtol'])}")
+        said += ["start={" + ", ".join(first) + "}"] * bool(first)
+        said += [f'method="{how["method"]}"'] * (how["method"] != METHOD)
+        if how["method"] in FIXED_STEP:
+            said.append(f"step={_written(how['step'])}")
+        elif how["rtol"] != RTOL:
+            said.append(f"rtol={_written(how['rtol'])}")
         name = _name_of(system, "system")
         if isinstance(run, Several):
             each = [f'"{label}": {_name_of(one, label)}' for label, one in system.systems.items()]
             name = "{" + ", ".join(each) + "}"
-        end = _written(values.get("t_end", run.t[-1]))
         chosen = [
             f"{control.name}: {values[control.key]}"
             for control in self.controls
             if control.key.startswith("choice.") and values[control.key] != control.value
         ]
-        line = f"explore({', '.join([name, end, *filter(None, said)])})"
+        line = f"explore({', '.join([name, _written(how['t_end']), *said])})"
         return line + (f"  # {', '.join(chosen)}" if chosen else "")
 
     def _shared(self, key: str) -> bool:
@@ -347,35 +333,33 @@ class Panel(anywidget.AnyWidget):
         self._show(self.kept)
 
     def _drag(self, message: dict) -> None:
-        handle = self.handles[message["handle"]]
-        found, known = {}, {control.key: control for control in self.controls}
-        for name, value in handle.values(*self._data(handle.axes, message)).items():
-            key = f"p.{name}" if name in self.run.system.parameters else f"start.{name}"
-            if control := known.get(key):
-                found[key] = control.nearest(float(value))
-            elif name in self.run.system.parameters:
-                found[key] = float(value)
+        handle, system, found = self.handles[message["handle"]], self.run.system, {}
+        sliders = {one.sets: one for one in self.controls if one.kind != "select"}
+        places = handle.values(*self._data(handle.axes, message))
+        there = dict.fromkeys([*sliders, *system.parameters, *system.units])
+        _known(f"the handle {handle.meaning!r}", places, there, system)
+        for name, value in places.items():
+            if name in sliders:
+                found[sliders[name].key] = sliders[name].nearest(float(value))
+            elif name in system.parameters:
+                found[f"p.{name}"] = float(value)
         self._show(self.values | found)
 
     def _limits(self, message: dict) -> None:
         """New limits, linear in pixels (logarithms of a logarithmic axis); none: the first ones."""
         axes = self.figure.axes[message["axes"]]
-        self.home.setdefault(axes, (axes.get_xlim(), axes.get_ylim()))
+        now = axes.get_xlim(), axes.get_ylim()
         if message["limits"] is None:
-            x, y = self.home.pop(axes)
+            x, y = self.home.pop(axes, now)
         else:
-            x, y = (
-                axes.transScale.inverted()
-                .transform(np.array(message["limits"], dtype=float).reshape(2, 2))
-                .T
-            )
+            corners = np.array(message["limits"], dtype=float).reshape(2, 2)
+            x, y = axes.transScale.inverted().transform(corners).T
+            width = np.abs([x[1] - x[0], y[1] - y[0]])
             if not (
-                np.all(np.isfinite((x, y)))
-                and np.all(
-                    np.abs(np.subtract(*np.array([x, y]).T)) > 1e-9 * np.abs([x, y]).max(axis=1)
-                )
+                np.isfinite([x, y]).all() and (width > 1e-9 * np.abs([x, y]).max(axis=1)).all()
             ):
                 raise ModelError("this is as far as the zoom goes")
+            self.home.setdefault(axes, now)
         axes.set(xlim=x, ylim=y)
         self.view.update(self.run)
 
@@ -385,30 +369,26 @@ class Panel(anywidget.AnyWidget):
         show = next((show for show in self.shows if show.axes is axes and show.plane), None)
         if show is None:
             raise ModelError("trajectories start in a phase plane")
-        begin = dict(
-            zip((show.x, show.names[0]), map(float, self._data(axes, message)), strict=True)
-        )
-        self._begin(self.values, [begin])  # raises when it cannot start there
+        place = map(float, self._data(axes, message))
+        begin = dict(zip((show.x, show.names[0]), place, strict=True))
+        run = self._from(begin)  # raises when it cannot start there
         self.begun.append(begin)
-        self.overlay.add(self._begin(self.values, self.begun))
+        self.overlay.add([*self._begin(self.begun[:-1]), run])
 
-    def _begin(
-        self, values: dict, starts: list[dict[str, float]], strict: bool = True
-    ) -> list[Run]:
+    def _from(self, start: Mapping[str, float]) -> Run:
+        return self.compute(self.values | {f"start.{name}": x for name, x in start.items()})
+
+    def _begin(self, starts: list[dict[str, float]]) -> list[Run]:
+        """The runs from these places, but for those where the values on show allow none."""
         runs = []
         for start in starts:
-            try:
-                runs.append(
-                    self.compute(values | {f"start.{name}": value for name, value in start.items()})
-                )
-            except ModelError:
-                if strict and len(starts) == 1:
-                    raise
+            with suppress(ModelError):
+                runs.append(self._from(start))
         return runs
 
     def _clear(self, message: dict) -> None:
         self.begun = self.begun[: len(self.begun) - message["last"]] if "last" in message else []
-        self.overlay.add(self._begin(self.values, self.begun))
+        self.overlay.add(self._begin(self.begun))
 
     def _cursor(self, message: dict) -> None:
         """The cursor at the instant t, or where a point of a time plot is; none takes it away."""
@@ -448,11 +428,8 @@ class Panel(anywidget.AnyWidget):
 
     def _data(self, axes: Any, message: dict) -> tuple[float, float]:
         """Pixels of the picture that the page shows -> data coordinates."""
-        return tuple(
-            axes.transData.inverted().transform(
-                (message["x"], self.scene.recorder.height - message["y"])
-            )
-        )
+        place = message["x"], self.scene.recorder.height - message["y"]
+        return tuple(axes.transData.inverted().transform(place))
 
     # -- the picture -------------------------------------------------------------------------------
 
@@ -462,7 +439,7 @@ class Panel(anywidget.AnyWidget):
         self.view.update(run)
         self.run, self.values, self.stopped, self.words = run, values, stopped, words
         if self.begun:
-            self.overlay.add(self._begin(values, self.begun, strict=False))
+            self.overlay.add(self._begin(self.begun))
         self._point()
 
     def _picture(
@@ -470,10 +447,8 @@ class Panel(anywidget.AnyWidget):
     ) -> tuple[dict, list[bytes]]:
         message, buffers = self.scene.picture(ratio, settled, everything)
         if len(buffers[0]) > MOST:
-            message, buffers = (
-                {"mime": "image/jpeg", "size": message["size"]},
-                [self.scene.bitmap()],
-            )
+            message = {"mime": "image/jpeg", "size": message["size"]}
+            buffers = [self.scene.bitmap()]
         height, t = self.scene.recorder.height, self.run.t
         times = {show.axes for show in self.shows if not show.plane}
         planes = {show.axes for show in self.shows if show.plane}
@@ -515,75 +490,68 @@ class Panel(anywidget.AnyWidget):
         }, buffers
 
     def _reading(self) -> str:
-        """Values at the cursor: t = 3.2 s: x = 0.31 m, v = −1 m/s; mode slip"""
+        """Values at the cursor: t = 3.2 s: x = 0.31 m, v = −1 m/s; mode slip
+
+        Of several models: t = 3.2 s: x = 0.31 m (plain), 0.35 m (warned); v = …
+        """
         if self.t is None:
             return ""
-        if isinstance(self.run, Several):
-            return self._readings(self.run)
-        system, values = self.run.system, self.run.at(self.t)
-        names = dict.fromkeys(
-            name
-            for show in self.shows
-            for name in (*show.names, *([show.x] if show.plane else []))
-            if np.isfinite(values.get(name, np.nan))
-        )
-        words = [
-            f"{''.join(symbol_and_index(name))} = {values[name]:.4g} {system.unit(name)}".strip()
-            for name in names
-        ]
-        text = f"t = {self.t:.4g} {system.time}" + ": " * bool(words) + ", ".join(words)
-        mode = f"; {values['mode']}" if len(system.modes) > 1 else ""
-        return text.replace("-", "−") + mode
-
-    def _readings(self, runs: Several) -> str:
-        """t = 3.2 s: x = 0.31 m (plain), 0.35 m (warned)"""
-        there, said = runs.at(self.t), []
-        for name in dict.fromkeys(name for show in self.shows for name in show.names):
+        several, system, there = isinstance(self.run, Several), self.run.system, self.run.at(self.t)
+        each = there if several else {"": there}
+        names = (n for show in self.shows for n in (*show.names, *[show.x] * show.plane))
+        said = []
+        for name in dict.fromkeys(names):
             found = [
-                f"{values[name]:.4g} {runs.system.unit(name)}".strip() + f" ({label})"
-                for label, values in there.items()
+                f"{in_words(values[name])} {system.unit(name)}".strip() + f" ({label})" * several
+                for label, values in each.items()
                 if np.isfinite(values.get(name, np.nan))
             ]
             said += [f"{''.join(symbol_and_index(name))} = {', '.join(found)}"] if found else []
-        words = f"t = {self.t:.4g} {runs.system.time}" + ": " * bool(said) + "; ".join(said)
-        return words.replace("-", "−")
+        words = f"t = {in_words(self.t)} {system.time}" + ": " * bool(said)
+        mode = f"; {there['mode']}" if len(system.modes) > 1 else ""
+        return words + ("; " if several else ", ").join(said) + mode
 
     def _export(self, message: dict) -> tuple[dict, list[bytes]]:
         if not self.spec["download"]:
             return {"kind": "said", "text": self.export(message["what"])}, []
         with tempfile.TemporaryDirectory() as folder:
-            self.export(message["what"], folder)
-            path, *more = sorted(Path(folder).iterdir())
-            if more:  # several runs
-                path = Path(shutil.make_archive(f"{folder}/runs", "zip", folder))
-            mime = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
-            said = {"kind": "said", "text": f"Downloaded {path.name}", "name": path.name}
-            return said | {"mime": mime}, [path.read_bytes()]
+            paths = self._save(message["what"], folder)
+            name, data = paths[0].name, paths[0].read_bytes()
+            if len(paths) > 1:
+                name, whole = "runs.zip", io.BytesIO()
+                with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+                    for path in paths:
+                        archive.write(path, path.name)
+                data = whole.getvalue()
+        mime = mimetypes.guess_type(name)[0] or "application/octet-stream"
+        said = {"kind": "said", "text": f"Downloaded {name}", "name": name, "mime": mime}
+        return said, [data]
 
     def export(self, what: str, folder: str | os.PathLike = ".") -> str:
         """panel.export("csv") -> a sentence that says where the run on show went.
 
-        "csv", "npz" or "png", into the folder, which is the notebook's. Never writes over an
-        earlier file. Raises ModelError when the folder cannot be written.
+        "csv", "npz" or "png", into the folder, by default the notebook's; of several runs a file
+        each. Never writes over an earlier file. Raises ModelError when it cannot be written.
         """
+        return f"Saved {', '.join(map(str, self._save(what, folder)))}"
+
+    def _save(self, what: str, folder: str | os.PathLike) -> list[Path]:
         if what not in ("csv", "npz", "png"):
             raise ModelError(f"a panel exports 'csv', 'npz' or 'png', not {what!r}")
-        stem = re.sub(r"\W+", "_", self.title).strip("_").lower() or "run"
-        suffixes = ("", *(f"_{k}" for k in range(2, 1000)))
-        names = (Path(folder).absolute() / f"{stem}{suffix}.{what}" for suffix in suffixes)
-        path = next((path for path in names if not path.exists()), None)
-        if path is None:
+        stem = file_name(self.title) or "run"
+        several = isinstance(self.run, Several) and what != "png"
+        for suffix in ("", *(f"_{k}" for k in range(2, 1000))):
+            path = Path(folder).absolute() / f"{stem}{suffix}.{what}"
+            paths = self.run.files(path) if several else [path]
+            if not any(one.exists() for one in paths):
+                break
+        else:
             raise ModelError(f"there are 999 files like {stem}.{what} already: delete some")
         if what == "png":
             self.figure.save_png(path, dpi=200)
         else:
             getattr(self.run, f"to_{what}")(path)
-        return f"Saved {path}"
-
-
-def _moves(part: View) -> bool:
-    """Whether a view shows instants: a mechanism in its place, a mode that is lit."""
-    return isinstance(part, Picture) and type(part).at is not Picture.at
+        return paths
 
 
 class Own(float):
@@ -642,39 +610,43 @@ def explore(
     units or ranges, and whatever the default run or picture raises. With LABKIT_CHECK=1 in the
     environment it tries both ends of every slider and lets all errors out (a widget swallows them).
     """
-    if not isinstance(sliders, Mapping | str | None):
-        sliders = list(sliders)  # each model asks for them, and what is read once is empty then
     several = isinstance(system, Mapping)
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
-    given = {} if isinstance(start, bool | None) else start
-    if unknown := [name for name in given if several and name not in whole.units]:
-        raise ModelError(
-            f"start names {listed(unknown)}, which none of {whole.name} has; there are "
-            f"{listed(whole.units)}"
-        )
-    begins = {
-        label: {**one.start, **{k: v for k, v in given.items() if not several or k in one.units}}
-        for label, one in models.items()
-    }
-    named = {key: options.pop(key) for key in list(options) if key in whole.parameters}
+    given = {} if isinstance(start, bool) else named(start, "start", "{name: value}, True or False")
+    given = {name: number(value, f"start of {name!r}") for name, value in given.items()}
+    _known("start", given, whole.units, whole)
+    begins = {label: one.start | _among(given, one.units) for label, one in models.items()}
+    values = {key: options.pop(key) for key in list(options) if key in whole.parameters}
     ps = {
-        label: one.values({k: v for k, v in named.items() if k in one.parameters})._asdict()
-        for label, one in models.items()
+        label: one.values(_among(values, one.parameters))._asdict() for label, one in models.items()
     }
     horizon = number(horizon, "horizon")
+    wide = horizon - number(options.get("t0", 0.0), "t0")
     settings = {
         "t_end": horizon,
-        "method": method if isinstance(method, str) else "DOP853",
-        "rtol": options.pop("rtol", 1e-8),
-        "step": options.pop("step", rounded(horizon / 1000, 1)),
+        "method": METHOD if isinstance(method, bool) else method,
+        "rtol": options.pop("rtol", RTOL),
+        "step": options.pop("step", rounded(wide / 1000, 1)),
     }
-    choices = choices or {}
+    choices = {  # a page says them as texts
+        str(label): {str(option): arguments for option, arguments in variants.items()}
+        for label, variants in (choices or {}).items()
+    }
     taken = {
         key for variants in choices.values() for arguments in variants.values() for key in arguments
     }  # what a choice sets has no slider
     if several and "system" in taken:
         raise ModelError("choices cannot choose a system where several are shown already")
+    known = [*whole.parameters, *whole.units, *SETTINGS]
+    ranges = sliders if isinstance(sliders, Mapping) else {}
+    listing = [] if sliders is None else [sliders] if isinstance(sliders, str) else list(sliders)
+    _known("sliders", listing, known, whole)
+    wanted = {
+        name
+        for name in (known if sliders is ranges or sliders is None else [*listing, *SETTINGS])
+        if name not in taken and ranges.get(name, True) is not False
+    }
 
     def own(values: Mapping[str, Any], group: str, mine: Mapping[str, float]) -> dict[str, float]:
         """The model's own values, but for those that all models were given."""
@@ -696,31 +668,25 @@ def explore(
             parameters = own(values, "p", ps[label])
             where = own(values, "start", begins[label])
             if variant is not None:
-                parameters = {k: v for k, v in parameters.items() if k in model.parameters}
-                where = {k: v for k, v in where.items() if k in model.start}
+                parameters = _among(parameters, model.parameters)
+                where = _among(where, model.start)
             arguments = {**options, "start": where, **parameters, **how, **chosen}
             runs[label] = simulate(model, **arguments)
         return Several(whole, runs) if several else runs[""]
 
-    controls = [
-        Control(
-            f"choice.{label}",
-            "variant",
-            label,
-            "",
-            next(iter(variants)),
-            "select",
-            options=tuple(variants),
+    controls = []
+    for label, variants in choices.items():
+        each = tuple(variants)
+        controls.append(
+            Control(f"choice.{label}", "variant", label, "", each[0], "select", options=each)
         )
-        for label, variants in choices.items()
-    ]
     first = {control.key: control.value for control in controls}
     run = compute(first)
 
     def startable(name: str, value: float) -> bool:
         soon = run.t[0] + 1e-6 * (run.t[-1] - run.t[0])
         try:
-            compute(first | {f"start.{name}": value, "t_end": soon, "method": "DOP853"})
+            compute(first | {f"start.{name}": value, "t_end": soon, "method": METHOD})
         except ModelError:
             return False
         return True
@@ -730,10 +696,10 @@ def explore(
         for control in controls_of(
             one,
             ps[label],
-            begins[label] if start and "start" not in taken else {},
+            begins[label] if start is not False and "start" not in taken else {},
             settings if method else {},
-            _sliders_of(one, sliders, whole) if several else sliders,
-            taken,
+            wanted,
+            ranges,
             run[label] if several else run,
             startable,
         ):
@@ -746,27 +712,25 @@ def explore(
                 apart = f"by default {same.value:g}, in {label} {control.value:g}"
                 same.meaning = f"{same.meaning} ({apart})".strip()
     order = ("parameters", "start", "algorithm")
-    # A list is an order, too.
-    place = {name: k for k, name in enumerate(sliders)} if isinstance(sliders, list) else {}
+    place = {} if sliders is ranges else {name: k for k, name in enumerate(listing)}
 
-    def standing(control: Control) -> tuple[int, int]:
-        name = control.key.rpartition(".")[2]
-        return order.index(control.group), place.get(name, len(place))
+    def standing(control: Control) -> tuple[int, int]:  # a list is an order, too
+        return order.index(control.group), place.get(control.sets, len(place))
 
     controls += sorted(made.values(), key=standing)
     view = (draw or (_together if several else _time_and_phase))(run)
     parts = view if isinstance(view, tuple | list) else (view,)
     if not parts or not all(hasattr(part, "figure") for part in parts):
         raise ModelError(f"draw must return a View, or a list of them, not {view!r:.60}")
-    view = Together(*view) if isinstance(view, tuple | list) else view
-    for part in getattr(view, "views", (view,)):
-        if not getattr(part, "ready", True):
-            part.update(run)
+    views = [view for part in parts for view in getattr(part, "views", (part,))]
+    for view in views:
+        if not getattr(view, "ready", True):
+            view.update(run)
     panel = Panel(
         title or whole.name,
         controls,
         compute,
-        view,
+        views,
         verdict or (_verdicts if several else _verdict),
         run,
         _presets(presets or {}, whole, controls),
@@ -776,62 +740,47 @@ def explore(
     return panel
 
 
-def _sliders_of(system: System, sliders: object, whole: Merged) -> object:
-    """Of the author's sliders, those of one model. Raises ModelError for a name that none has."""
-    if sliders is None:
-        return None
-    names = [sliders] if isinstance(sliders, str) else list(sliders)  # type: ignore[call-overload]
-    known = [*whole.parameters, *whole.units, *SETTINGS]
-    if unknown := [name for name in names if name not in known]:
-        raise ModelError(
-            f"sliders names {listed(unknown)}, which none of {whole.name} has; there are "
-            f"{listed(known)}"
-        )
-    mine = [name for name in names if name in (*system.parameters, *system.units, *SETTINGS)]
-    return {name: sliders[name] for name in mine} if isinstance(sliders, Mapping) else mine
+def _among(values: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name in names}
+
+
+def _known(what: str, names: Iterable[str], there: Collection[str], system: Any) -> None:
+    """A ModelError for names that the system has not, or none of several."""
+    several = isinstance(system, Merged)
+    has = f"none of {system.name} has" if several else f"{system.name!r} does not have"
+    check_names(names, there, f"{what} names {{}}, which {has}")
 
 
 def _presets(
-    presets: Mapping[str, Mapping[str, object]], system: System, controls: list[Control]
+    presets: Mapping[str, Mapping[str, object]], system: Any, controls: list[Control]
 ) -> dict[str, dict]:
     """Values by control key. Raises ModelError for an unknown name and a wrong value."""
-    keys = {
-        control.key.removeprefix("start.").removeprefix("p.").removeprefix("choice."): control.key
-        for control in controls
-    }
-    keys = (
-        {name: f"p.{name}" for name in system.parameters}
-        | {name: f"start.{name}" for name in system.units}
-        | keys
-    )
+    keys = {name: f"p.{name}" for name in system.parameters}
+    keys |= {name: f"start.{name}" for name in system.units}
+    keys |= {control.sets: control.key for control in controls}
+    options = {control.key: control.options for control in controls if control.options}
+    found: dict[str, dict] = {}
     for preset, values in presets.items():
         if not isinstance(values, Mapping):
             raise ModelError(
                 f"preset {preset!r} must be a dict of names and values, not {values!r}"
             )
-        if unknown := [name for name in values if name not in keys]:
-            raise ModelError(
-                f"preset {preset!r} names {listed(unknown)}, which {system.name!r} does not "
-                f"have; there are {listed(keys)}"
-            )
+        _known(f"preset {preset!r}", values, keys, system)
+        found[preset] = {}
         for name, value in values.items():
-            what = f"{name!r} of preset {preset!r}"
-            options = next((c.options for c in controls if c.key == keys[name]), ())
-            if options and value not in options:
-                raise ModelError(f"{what} must be one of {listed(options)}, not {value!r}")
-            if options:
-                continue
-            number(value, what)
+            key, what = keys[name], f"{name!r} of preset {preset!r}"
+            if key not in options:
+                value = number(value, what)
+            elif (value := str(value)) not in options[key]:
+                raise ModelError(f"{what} must be one of {listed(options[key])}, not {value!r}")
             for one in getattr(system, "systems", {"": system}).values():
-                if keys[name] == f"p.{name}" and name in one.parameters:
+                if key == f"p.{name}" and name in one.parameters:
                     try:
                         one.values({name: value})
                     except ModelError as error:
                         raise ModelError(f"preset {preset!r}: {error}") from None
-    return {
-        preset: {keys[name]: value for name, value in values.items()}
-        for preset, values in presets.items()
-    }
+            found[preset][key] = value
+    return found
 
 
 def _verdict(run: Run) -> str:
@@ -844,10 +793,22 @@ def _counted(run: Run) -> str:
     """What of it is the same whenever and wherever it runs."""
     counts = Counter(event.transition for event in run.events)
     kinds = ", ".join(f'{count} "{name}"' for name, count in counts.most_common(3))
-    kinds += ", …" if len(counts) > 3 else ""
-    many = f"{len(run.events)} event{'s' * (len(run.events) != 1)} ({kinds})"
-    end = f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}"
-    return f"{end}; {many if run.events else 'no events'}; {run.work.steps} steps"
+    kinds = f" ({kinds}{', …' * (len(counts) > 3)})" if counts else ""
+    return f"{_end(run)}; {_many(run)}{kinds}; {run.work.steps} steps"
+
+
+def _verdicts(runs: Several) -> str:
+    """plain: finished at 40 s, 26 events; warned: finished at 40 s, no events"""
+    return "; ".join(f"{name}: {_end(run)}, {_many(run)}" for name, run in runs.items())
+
+
+def _end(run: Run) -> str:
+    return f"{run.stopped} at {run.t[-1]:.6g} {run.system.time}"
+
+
+def _many(run: Run) -> str:
+    count = len(run.events)
+    return f"{count} event{'s' * (count != 1)}" if count else "no events"
 
 
 def _name_of(system: System, otherwise: str) -> str:
@@ -868,30 +829,12 @@ def _captioned(png: bytes, width: float, lines: list[str]) -> tuple[bytes, int]:
     with style():
         fig.text(0.01, 0.5, "\n".join(rows), va="center", parse_math=False, linespacing=1.25)
         fig.canvas.draw()
-    above, below = (
-        Image.open(io.BytesIO(png)).convert("RGB"),
-        Image.fromarray(np.asarray(fig.canvas.buffer_rgba())),
-    )
+    above = Image.open(io.BytesIO(png))
+    below = Image.fromarray(np.asarray(fig.canvas.buffer_rgba()))
     both = Image.new("RGB", (above.width, above.height + below.height), "white")
-    both.paste(above, (0, 0))
+    both.paste(above.convert("RGB"), (0, 0))
     both.paste(below.convert("RGB"), (0, above.height))
     return _palette_png(both), round(below.height * CSS_DPI / PNG_DPI)
-
-
-def _verdicts(runs: Several) -> str:
-    """plain: finished at 40 s, 26 events; warned: finished at 40 s, no events"""
-    said = []
-    for name, run in runs.items():
-        count = len(run.events)
-        events = f"{count} event{'s' * (count != 1)}" if count else "no events"
-        said.append(f"{name}: {run.stopped} at {run.t[-1]:.6g} {run.system.time}, {events}")
-    return "; ".join(said)
-
-
-def _in_words(figure: Any, title: str) -> str:
-    """The alternative text of a picture in a panel."""
-    words = described(figure)
-    return words if words.startswith(title) else f"{title}: {words}"
 
 
 def _time_and_phase(run: Run) -> View:

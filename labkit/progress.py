@@ -1,8 +1,4 @@
-"""A line that says how far a long computation is; silent where nobody looks.
-
-with Progress(204, "runs") as progress:
-    progress.add(17)
-"""
+"""A line that says how far a long computation is; silent where nobody looks."""
 
 from __future__ import annotations
 
@@ -18,7 +14,7 @@ WIDTH = 24
 
 
 class Progress:
-    """Progress(total, "runs", show=True): a bar, the fraction done and the time that is left.
+    """Progress(204, "runs", show=True): a bar, the fraction done and the time that is left.
 
     In a notebook it is one line below the cell, gone at the end; in a terminal one line of
     stderr. Silent with show=False, without a terminal, and in a kernel that nobody can answer:

@@ -1,11 +1,9 @@
 """A panel that moves without Python: every slider's positions and every preset as pictures.
 
-record(panel) -> bytes                    # decoded and played in a page by recorded.js
-script(), style()                         # what such a page needs besides
-
-A recording holds the messages that the panel would send: for each slider some 21 positions, the
-others at their first values; each choice and preset; the time cursor at some 100 instants of the
-first run. What pictures have in common is kept once: a frame names its parts, a part its bitmaps.
+A recording, played by recorded.js, holds the messages that the panel would send: for each slider
+some 21 positions, the others at their first values; each choice and preset; the time cursor at some
+100 instants of the first run. What pictures have in common is kept once: a frame names its parts, a
+part its bitmaps.
 """
 
 from __future__ import annotations
@@ -45,12 +43,7 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
 
     A position that the model refuses keeps its sentence. Raises what the panel's drawing raises.
     """
-    fixed = panel.defaults.get("method") in panel.spec["fixed"]
-    controls = [
-        _coarse(one, positions)
-        for one in panel.controls
-        if one.only != ("adaptive" if fixed else "fixed")
-    ]
+    controls = [_coarse(one, positions) for one in panel.shown()]
     store, frames = _Store(), []
 
     def keep(values: dict[str, Any]) -> int:
@@ -82,25 +75,11 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
             instants.append([t, len(frames) - 1])
     panel._cursor({"t": None})
     panel.scene.forget()  # nobody has seen these pictures
-    spec = panel.spec | {
-        "controls": [asdict(one) for one in controls],
-        "handles": [],
-        "buttons": [one for one in panel.spec["buttons"] if one[0] in ("play", "reset", "full")],
-        "download": True,
-        "recorded": True,
-        "help": SAID,
-    }
-    head = {
-        "spec": spec,
-        "ratio": RATIO,
-        "grid": GRID,
-        "frames": frames,
-        "first": first,
-        "sliders": sliders,
-        "presets": presets,
-        "instants": instants,
-    }
-    return store.packed(head)
+    buttons = [one for one in panel.spec["buttons"] if one[0] in ("play", "reset", "full")]
+    spec = {"controls": [asdict(one) for one in controls], "buttons": buttons, "handles": []}
+    spec = panel.spec | spec | {"download": True, "recorded": True, "help": SAID}
+    head = {"spec": spec, "ratio": RATIO, "grid": GRID, "frames": frames, "first": first}
+    return store.packed(head | {"sliders": sliders, "presets": presets, "instants": instants})
 
 
 def _coarse(control: Control, positions: int) -> Control:
@@ -116,10 +95,9 @@ def _positions(control: Control) -> list[Any]:
     """The values that a coarse slider can set, and its ends."""
     if control.kind == "select":
         return list(control.options)
-    log = control.kind == "log"
-    low, high = (math.log10(end) if log else end for end in control.ends)
-    first, last = ((end - control.base) / control.step for end in (low, high))
-    places = control.base + control.step * np.arange(math.ceil(first), math.floor(last) + 1)
+    log, base, step = control.kind == "log", control.base, control.step
+    first, last = (((math.log10(end) if log else end) - base) / step for end in control.ends)
+    places = base + step * np.arange(math.ceil(first), math.floor(last) + 1)
     found = {control.nearest(10.0**place if log else place) for place in places.tolist()}
     own = control.nearest(control.value)  # the value at first, perhaps rounded
     return sorted((found - {own}) | {control.value, control.low, control.high})
@@ -154,8 +132,7 @@ class _Store:
                     b += size
                 own.append(op)
             parts[name] = self._part(own, points[start:p])
-        order = [[name, parts[name]] for name in message["order"] if name in parts]
-        return said | {"order": order}
+        return said | {"order": [[name, parts[name]] for name in message["order"] if name in parts]}
 
     def _image(self, pixels: bytes) -> int:
         key = hashlib.sha256(pixels).digest()

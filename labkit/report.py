@@ -1,7 +1,5 @@
 """A folder of notebooks as a report and as slides: each one file that needs no network.
 
-report("my-project")                  # python -m labkit report my-project
-
 report.html has contents, numbered figures, formulas, folded code and a list of what was predicted;
 printed ("Save as PDF") it is a clean A4. slides.html shows the cells that are marked as slides in
 JupyterLab (the field "Slide Type"); where a notebook has no marks, its title, pictures, panels and
@@ -29,9 +27,10 @@ from .answers import MARKS
 from .answers import MIME as CHECK
 from .browser import print_to_pdf
 from .copies import REPORT
+from .course import opening
 from .model import ModelError
 from .notebooks import executed, found, in_parallel, read, state
-from .page import Page, contents
+from .page import Page
 from .recorded import MIME, script, style
 from .run import unwritable, write_whole
 from .site import RecordedPage
@@ -41,7 +40,6 @@ __all__ = ["checks", "report", "with_results"]
 HEADS = ("notebook", "answer to", "mine", "right", "within", "")
 RAN = ".labkit"  # the folder of notebooks with results, beside the student's own
 _IMAGE = re.compile(r'<div class="jp-RenderedImage[^"]*"[^>]*>\s*(<img[^>]*>)\s*</div>')
-_NAV = re.compile(r"<nav [^>]*labkit-contents.*?</nav>", re.DOTALL)
 _MAIN = re.compile(r"<main[^>]*>(.*)</main>", re.DOTALL)
 
 
@@ -107,22 +105,23 @@ def _room(folder: Path) -> Path:
 
 def with_results(path: Path) -> Ran:
     """with_results(path) -> the notebook as it is now, run unless that was done before."""
-    kept, digest, old = _room(path.parent) / path.name, state(path), None
-    notebook = read(path)
+    notebook, kept, old = read(path), _room(path.parent) / path.name, None
+    digest = state(notebook, "metadata")  # of which the marks of slides are
     with suppress(ModelError):  # there is none, or it is damaged
         old = read(kept)
     if old is not None and old.metadata.get("labkit_ran") == digest:
-        _take_marks(old, notebook)
+        for cell, now in zip(old.cells, notebook.cells, strict=True):
+            cell.metadata = now.metadata
         return Ran(path, old, _said(path, old))
     try:
-        notebook = executed(path, allow_errors=True, LABKIT_RECORD="1")
+        fresh = copy.deepcopy(notebook)  # not the file, which may have changed since
+        made = executed(path, notebook=fresh, allow_errors=True, LABKIT_RECORD="1")
     except ModelError as error:
         shown = "an earlier run" if old is not None else "what the file has saved"
         return Ran(path, old or notebook, f"{error}; shown is {shown}")
-    notebook.metadata["labkit_ran"] = digest
-    notebook.metadata["labkit_trouble"] = _errors(notebook)
-    write_whole(kept, nbformat.writes(notebook).encode())
-    return Ran(path, notebook, _said(path, notebook))
+    made.metadata |= {"labkit_ran": digest, "labkit_trouble": _errors(made)}
+    write_whole(kept, nbformat.writes(made).encode())
+    return Ran(path, made, _said(path, made))
 
 
 def _errors(notebook: Any) -> list[str]:
@@ -143,12 +142,6 @@ def _said(path: Path, notebook: Any) -> str:
     return f"{path.name}, what failed: {'; '.join(found)}" if found else ""
 
 
-def _take_marks(old: Any, new: Any) -> None:
-    """The marks of slides may have changed without the cells."""
-    for mine, fresh in zip(old["cells"], new["cells"], strict=True):
-        mine["metadata"] = fresh["metadata"]
-
-
 # ---- the report
 
 
@@ -157,23 +150,15 @@ def _report(ran: list[Ran]) -> str:
     for k, cell in enumerate(cells):  # copies of one notebook have the same names of cells
         cell["id"] = f"cell-{k}"
     whole = nbformat.v4.new_notebook(cells=cells)
-    title = _title(ran)
-    text, _ = Folded().from_notebook_node(whole, resources={"metadata": {"name": title}})
+    resources = {"metadata": {"name": _title(ran)}, "fold": True, "contents": "12"}
+    text, _ = Page().from_notebook_node(whole, resources)
     head = "".join(
         f'<p class="labkit-not-run">{html.escape(one.trouble)}</p>' for one in ran if one.trouble
     )
-    text = _NAV.sub("", text)
-    text = re.sub(r"(<main[^>]*>)", lambda m: m[1] + head + contents(whole, "##?"), text, count=1)
+    text = re.sub(r"(<main[^>]*>)", lambda m: m[1] + head, text, count=1)
     text = _numbered(text)
     text = re.sub(r'(<body[^>]*class=")', r"\1labkit-report ", text, count=1)
     return text.replace("</main>", _answers(ran) + "</main>", 1)
-
-
-class Folded(Page):
-    """A page whose code is folded."""
-
-    def from_notebook_node(self, nb: Any, resources: Any = None, **more: Any) -> Any:
-        return super().from_notebook_node(nb, {**(resources or {}), "fold": True}, **more)
 
 
 def _numbered(text: str) -> str:
@@ -234,28 +219,23 @@ def _asked(source: str) -> str:
 
 
 def _title(ran: list[Ran]) -> str:
-    for cell in ran[0].cells:
-        if found := re.match(r"# (.*)", cell["source"]):
-            return found[1].strip()
-    return ran[0].path.stem
+    return opening(ran[0].cells)[0] or ran[0].path.stem
 
 
 # ---- slides
 
 
 def _slides(ran: list[Ran]) -> str:
-    exporter, pages, shell = RecordedPage(), [], ""
-    for one in ran:
-        for cells in _groups(one.cells):
-            part = nbformat.v4.new_notebook(cells=copy.deepcopy(cells))
-            for cell in part.cells:  # code only where it is the point of the slide
-                if cell["cell_type"] == "code" and cell["outputs"]:
-                    cell["metadata"]["jupyter"] = {"source_hidden": True}
-            shell, _ = exporter.from_notebook_node(
-                part, resources={"metadata": {"name": _title(ran)}}
-            )
-            shell = _NAV.sub("", shell)
-            pages.append(f"<section>{_MAIN.search(shell)[1]}</section>")
+    exporter, pages, shell, title = RecordedPage(), [], "", _title(ran)
+    groups = [cells for one in ran for cells in _groups(one.cells)]
+    for cells in groups or [[nbformat.v4.new_markdown_cell(f"# {title}")]]:
+        part = nbformat.v4.new_notebook(cells=copy.deepcopy(cells))
+        for cell in part.cells:  # code only where it is the point of the slide
+            if cell["cell_type"] == "code" and cell["outputs"]:
+                cell["metadata"]["jupyter"] = {"source_hidden": True}
+        resources = {"metadata": {"name": title}, "contents": ""}
+        shell, _ = exporter.from_notebook_node(part, resources)
+        pages.append(f"<section>{_MAIN.search(shell)[1]}</section>")
     here = Path(__file__).parent
     look = f"<style>{style()}{(here / 'slides.css').read_text('utf-8')}</style></head>"
     keys = f"<script>{script()}</script><script>{(here / 'slides.js').read_text('utf-8')}</script>"

@@ -1,11 +1,8 @@
-"""Several systems behind one set of sliders: explore({"plain": …, "warned": …}, …).
-
-merged = Merged({"plain": system, "warned": other})
-runs = Several(merged, {"plain": run, "warned": another});  runs["plain"]["x"]
-"""
+"""Several systems behind one set of sliders: explore({"plain": …, "warned": …}, …)."""
 
 from __future__ import annotations
 
+import re
 from collections import namedtuple
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +13,7 @@ import numpy as np
 from .model import ModelError, System, listed
 from .run import Ended, Run
 
-__all__ = ["Merged", "Several"]
+__all__ = ["Merged", "Several", "file_name"]
 
 
 class Merged:
@@ -36,23 +33,24 @@ class Merged:
         self.name = ", ".join(self.systems)
         self.parameters: dict[str, Any] = {}
         self.units: dict[str, str] = {}
-        self.meanings: dict[str, str] = {}
         self.start: dict[str, float] = {}
         self.modes = ("",)  # none that a word about all of them could name
-        first, where = next(iter(self.systems)), {}
-        self.time = self.systems[first].time
+        self.time = next(iter(self.systems.values())).time
+        said: dict[str, tuple[str, Any]] = {}  # by whom first
         for label, one in self.systems.items():
-            self._alike("the time", (first, self.time), (label, one.time))
+            alike: dict[str, Any] = {"the time": one.time}
             for name, made in one.parameters.items():
-                said = (made.unit, made.low, made.high)
-                was = where.setdefault(("parameter", name), (label, said))
-                self._alike(f"parameter {name!r} (unit, low, high)", was, (label, said))
-                self.parameters.setdefault(name, made)
-            for name, unit in one.units.items():
-                was = where.setdefault(("state", name), (label, unit))
-                self._alike(f"state {name!r} (unit)", was, (label, unit))
-                self.units.setdefault(name, unit)
-                self.meanings.setdefault(name, one.meanings.get(name, ""))
+                alike[f"parameter {name!r} (unit, low, high)"] = made.unit, made.low, made.high
+            alike |= {f"state {name!r} (unit)": unit for name, unit in one.units.items()}
+            for what, value in alike.items():
+                first, was = said.setdefault(what, (label, value))
+                if was != value:
+                    raise ModelError(
+                        f"{what} is {was!r} in {first!r} and {value!r} in {label!r}: one slider "
+                        "cannot be both; declare it alike, or give it another name in one of them"
+                    )
+            self.parameters |= {k: v for k, v in one.parameters.items() if k not in self.parameters}
+            self.units |= one.units
             self.start = {**one.start, **self.start}
         if both := [name for name in self.parameters if name in self.units]:
             raise ModelError(
@@ -60,14 +58,6 @@ class Merged:
                 "rename one of them"
             )
         self.P = namedtuple("P", self.parameters)  # type: ignore[misc]
-
-    @staticmethod
-    def _alike(what: str, one: tuple[str, object], other: tuple[str, object]) -> None:
-        if one[1] != other[1]:
-            raise ModelError(
-                f"{what} is {one[1]!r} in {one[0]!r} and {other[1]!r} in {other[0]!r}: one slider "
-                "cannot be both; declare it alike, or give it another name in one of them"
-            )
 
     def unit(self, name: str) -> str:
         found = (one for one in self.systems.values() if name in {**one.units, **one.outputs})
@@ -92,31 +82,25 @@ class Several(dict):
 
     @property
     def p(self) -> tuple:
-        values = {}
-        for run in self.values():
-            values = {**run.p._asdict(), **values}
-        return self.system.P(**values)
+        runs = reversed(self.values())
+        return self.system.P(**{k: v for run in runs for k, v in run.p._asdict().items()})
 
     @property
     def start(self) -> dict[str, float]:
-        values: dict[str, float] = {}
-        for run in self.values():
-            values = {**run.start, **values}
-        return values
+        return {k: v for run in reversed(self.values()) for k, v in run.start.items()}
 
     def at(self, t: float) -> dict[str, dict[str, Any]]:
         return {name: run.at(float(np.clip(t, *run.t[[0, -1]]))) for name, run in self.items()}
 
     @property
     def _worst(self) -> tuple[str, Run]:
+        """The first one that did not come to its end, else the first."""
         fine = (Ended.FINISHED, Ended.TERMINAL)
-        return next(
-            ((n, r) for n, r in self.items() if r.ended not in fine), next(iter(self.items()))
-        )
+        bad = [each for each in self.items() if each[1].ended not in fine]
+        return (bad or list(self.items()))[0]
 
     @property
     def ended(self) -> Ended:
-        """Of the first one that did not come to its end, else of the first."""
         return self._worst[1].ended
 
     @property
@@ -124,15 +108,20 @@ class Several(dict):
         name, run = self._worst
         return f"{name}: {run.stopped}"
 
-    def to_csv(self, path: str | Path) -> Path:
-        return self._export("to_csv", path)
+    def files(self, path: str | Path) -> list[Path]:
+        """runs.files("run.csv") -> a path for each, "run_plain.csv", "run_warned.csv"."""
+        path, words = Path(path), [file_name(name) for name in self]
+        if len(set(words)) < len(words):
+            words = [f"{k}_{word}" for k, word in enumerate(words, 1)]
+        return [path.with_stem(f"{path.stem}_{word}") for word in words]
 
-    def to_npz(self, path: str | Path) -> Path:
-        return self._export("to_npz", path)
+    def to_csv(self, path: str | Path) -> list[Path]:
+        return [run.to_csv(p) for run, p in zip(self.values(), self.files(path), strict=True)]
 
-    def _export(self, what: str, path: str | Path) -> Path:
-        """A file for each, "run_plain.csv", "run_warned.csv"."""
-        path = Path(path)
-        for name, run in self.items():
-            getattr(run, what)(path.with_stem(f"{path.stem}_{name}"))
-        return path
+    def to_npz(self, path: str | Path) -> list[Path]:
+        return [run.to_npz(p) for run, p in zip(self.values(), self.files(path), strict=True)]
+
+
+def file_name(words: str) -> str:
+    """file_name("Damped, once") -> "damped_once": as every disk takes it."""
+    return re.sub(r"\W+", "_", words).strip("_").lower()

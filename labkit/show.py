@@ -1,21 +1,11 @@
-"""How names are shown: one rule for equations, tables and axes.
-
-latex_name("omega1")  ->  \\omega_{1}
-latex_name("Vp")      ->  V_{p}
-latex_name("mass")    ->  \\mathrm{mass}
-
-It needs neither SymPy nor Matplotlib.
-"""
+"""How names are shown: one rule for equations, tables and axes. It needs no other package."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 
-from .table import Table
-
-__all__ = ["Table", "latex_name", "split_name"]
-
+__all__ = ["latex_name", "split_name"]
 
 _GREEK = (
     "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
@@ -23,13 +13,10 @@ _GREEK = (
 )
 GREEK = frozenset(_GREEK.split())
 _SHORT = {"lam": "lambda", "lamda": "lambda", "eps": "epsilon", "om": "omega"}
-_VARIANT = {
-    "epsilon": "\\varepsilon",
-    "phi": "\\varphi",
-}  # the forms that a course on mechanics prints
-_WORDS = frozenset(
-    ["max", "min", "ref", "low", "high", "in", "out", "eq", "crit", "rest", "set", "off", "on"]
-)  # what an index is often called
+# The forms that a course on mechanics prints
+_VARIANT = {"epsilon": "\\varepsilon", "phi": "\\varphi"}
+# What an index is often called
+_WORDS = {"max", "min", "ref", "low", "high", "in", "out", "eq", "crit", "rest", "set", "off", "on"}
 
 
 def latex_name(name: str) -> str:
@@ -50,12 +37,8 @@ def split_name(name: str) -> tuple[str, str]:
     if first not in GREEK and first not in _WORDS and len(first) > 1:
         greek = next((first[:k] for k in range(len(first) - 1, 1, -1) if first[:k] in GREEK), "")
         tail = first[len(greek) :] if greek else first[1:]
-        if (
-            tail.isdigit()
-            or tail in _WORDS
-            or (greek and len(tail) == 1)
-            or (not greek and _is_index(first[0], tail))
-        ):
+        index = len(tail) == 1 if greek else _is_index(first[0], tail)
+        if index or tail.isdigit() or tail in _WORDS:
             head, below = first[: len(first) - len(tail)], tail
         elif match := re.fullmatch(r"(\D{2,})(\d+)", first):  # mass2
             head, below = match.groups()
@@ -64,11 +47,10 @@ def split_name(name: str) -> tuple[str, str]:
 
 def _is_index(letter: str, tail: str) -> bool:
     """Vp, iL, Fs, kw, Hst, ktr are a letter with an index; gap and rod are words."""
-    return (
-        len(tail) == 1
-        or (len(tail) == 2 and not set(tail.lower()) & set("aeiouy"))
-        or (len(tail) == 2 and letter.isupper() and tail.islower())
-    )
+    if len(tail) == 2:
+        vowels = set(tail.lower()) & set("aeiouy")
+        return not vowels or (letter.isupper() and tail.islower())
+    return len(tail) == 1
 
 
 def _spelled(name: str) -> str:
@@ -88,8 +70,5 @@ def _letter(part: str) -> str:
     part = _SHORT.get(part, part)
     if part in GREEK:
         return _VARIANT.get(part, f"\\{part}")
-    return (
-        part
-        if len(part) == 1 or part.isdigit() or (len(part) == 2 and part[1].isdigit())
-        else f"\\mathrm{{{part}}}"
-    )
+    short = len(part) == 1 or part.isdigit() or (len(part) == 2 and part[1].isdigit())
+    return part if short else f"\\mathrm{{{part}}}"

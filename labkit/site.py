@@ -1,8 +1,5 @@
 """The workbook, or a folder of one's own, as a static web site that needs no Python and no network.
 
-site("public")                      # python -m labkit site public
-site("public", "my-project")        # of a folder of one's own
-
 Panels are recorded (recorded.py). Files refer to each other relatively and by plain scripts, so
 that the site works from a disk or a file share (file://) as well. A page is made anew only when its
 notebook or labkit has changed.
@@ -22,7 +19,7 @@ from urllib.parse import quote
 
 from .course import heading
 from .model import ModelError
-from .notebooks import HOME, executed, found, in_one_line, in_parallel, state
+from .notebooks import HOME, executed, found, in_one_line, in_parallel, read, state
 from .page import Page
 from .recorded import MIME, script, style
 from .run import unwritable, write_whole
@@ -30,8 +27,7 @@ from .run import unwritable, write_whole
 __all__ = ["site"]
 
 STAMPS = "labkit-site.json"
-PACKAGE = Path(__file__).parent
-_LINK = re.compile(r'(href="(?![a-z]+:|/)[^"#]*?)\.ipynb(?=[#"])')
+_LINK = re.compile(r'href="(?![a-z]+:|/)([^"#]*)\.ipynb(?=[#"])')
 _STYLE = re.compile(r"<style[^>]*>(.*?)</style>", re.DOTALL)
 _TAGS = re.compile(r"<(script|style|math|svg)\b.*?</\1>|<[^>]+>", re.DOTALL)
 SEARCH = """
@@ -49,7 +45,7 @@ def site(
     say: Callable[[str], object] = print,
     workers: int | None = None,
 ) -> int:
-    """site("public") -> number of notebooks that failed; their old pages stay.
+    """site("public", "my-project") -> number of notebooks that failed; their old pages stay.
 
     Runs each notebook below `source` that has no page of its present state, in as many kernels
     as there are cores. Raises ModelError for a folder that holds something else, and for a source
@@ -64,8 +60,12 @@ def site(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unwritable(folder, error) from None
-    write_whole(folder / STAMPS, json.dumps(stamps).encode())  # from now on it is a site
-    wanted = {name: state(path, "metadata") for name, path in names.items()}
+
+    def keep() -> None:
+        write_whole(folder / STAMPS, json.dumps(stamps, indent=1).encode())
+
+    keep()  # from now on it is a site
+    wanted = {name: _digest(path) for name, path in names.items()}
     todo = [
         name
         for name, digest in wanted.items()
@@ -82,7 +82,7 @@ def site(
             said = f"{name} failed: {in_one_line(error)}"
         else:
             stamps[name] = wanted[name]
-            write_whole(folder / STAMPS, json.dumps(stamps, indent=1).encode())
+            keep()
             said = f"{place(name)}, {size / 1e6:.1f} MB"
         say(f"{len(seen)} of {len(todo)}: {said}")
 
@@ -90,9 +90,17 @@ def site(
     for name in stamps.keys() - names.keys():  # of notebooks that are gone
         (folder / place(name)).unlink(missing_ok=True)
         del stamps[name]
-    write_whole(folder / STAMPS, json.dumps(stamps, indent=1).encode())
+    keep()
     _finish(folder, names)
     return len(failed)
+
+
+def _digest(path: Path) -> str:
+    """Of what cannot be read none: it fails again, each time."""
+    try:
+        return state(read(path))
+    except ModelError:
+        return ""
 
 
 def place(name: str) -> str:
@@ -106,7 +114,7 @@ def make_page(notebook: Any, path: Path, name: str, folder: Path) -> int:
         notebook, resources={"metadata": {"name": heading(path), "path": str(path.parent)}}
     )
     up = "../" * name.count("/")
-    text = _LINK.sub(r"\1.html", text).replace(f'"{up}start.html"', f'"{up}index.html"')
+    text = _LINK.sub(lambda m: f'href="{up + "index" if m[1] == up + "start" else m[1]}.html', text)
     # Styles that all pages share stand in one file.
     shared = [style for style in _STYLE.findall(text) if len(style) > 1000]
     text = _STYLE.sub(lambda m: "" if len(m[1]) > 1000 else m[0], text)
@@ -115,7 +123,7 @@ def make_page(notebook: Any, path: Path, name: str, folder: Path) -> int:
         write_whole(folder / "labkit.css", css)
     head = f'<link rel="stylesheet" href="{up}labkit.css">\n'
     foot = f'<script src="{up}labkit.js"></script>\n' if "labkit-recording" in text else ""
-    if name == "start":
+    if place(name) == "index.html":
         text = re.sub(r"(<main[^>]*>)", lambda m: m[1] + SEARCH, text, count=1)
         foot += '<script src="labkit-search.js"></script>\n'
     text = text.replace("</head>", head + "</head>", 1).replace("</body>", foot + "</body>", 1)
@@ -168,10 +176,10 @@ def _finish(folder: Path, names: Iterable[str]) -> None:
         link = quote(place(name))
         pages.append([link, title, " ".join(words)])
         listed.append(f'<li><a href="{link}">{html.escape(title)}</a></li>')
-    search = (PACKAGE / "search.js").read_text("utf-8")
+    search = Path(__file__).with_name("search.js").read_text("utf-8")
     data = json.dumps(pages, ensure_ascii=False, separators=(",", ":"))
     write_whole(folder / "labkit-search.js", f"const PAGES = {data};\n{search}".encode())
-    if "start" not in names:
+    if "index.html" not in map(place, names):
         first = (
             '<!doctype html><html lang="en"><meta charset="utf-8"><title>Notebooks</title>'
             f'<link rel="stylesheet" href="labkit.css"><main>{SEARCH}<ul>{"".join(listed)}</ul>'

@@ -5,6 +5,7 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from labkit import ModelError, project
@@ -38,7 +39,8 @@ def test_links_lead_from_the_new_place_to_the_workbook(tmp_path):
 
 
 def test_the_report_asks_what_the_handbook_asks(tmp_path):
-    page = json.loads(copy_project(WHOLE[0], tmp_path / "mine")[-1].read_text(encoding="utf-8"))
+    number = np.int64(WHOLE[0])  # of a slider's range, say
+    page = json.loads(copy_project(number, tmp_path / "mine")[-1].read_text(encoding="utf-8"))
     text = "\n".join("".join(cell["source"]) for cell in page["cells"])
     assert f"# Mini-project {WHOLE[0]}" in text and page["metadata"]["labkit"]["project"]
     for a in project(WHOLE[0]).assignments:

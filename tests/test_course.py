@@ -156,6 +156,9 @@ def test_catalogue_reads_the_disk(folder):
     assert "6 DC-DC converter" not in missing and "the handbook describes its model" in page
     assert "part2/my_own.ipynb" in repr(catalogue())
     (folder / "part2" / "broken.ipynb").write_text("{")
+    marked = {"cells": [{"cell_type": "markdown", "source": "# Marked"}]}  # by an editor
+    (folder / "part2" / "by_hand.ipynb").write_text(json.dumps(marked), encoding="utf-8-sig")
+    assert "[Marked](part2/by_hand.ipynb)" in catalogue()._repr_markdown_()
     assert "[broken](part2/broken.ipynb)" in catalogue()._repr_markdown_()
 
 

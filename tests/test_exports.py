@@ -46,6 +46,10 @@ def test_the_first_line_of_a_csv_file_is_a_comment(tmp_path):
 
 
 def test_files_that_do_not_say_it(tmp_path):
+    for damaged in (b"", b"PK\x03\x04 cut off"):
+        (tmp_path / "run.npz").write_bytes(damaged)
+        with pytest.raises(ModelError, match="run.npz' cannot be read"):
+            repeated(ball(), tmp_path / "run.npz")
     path = simulate(ball(), 1.0).to_csv(tmp_path / "run.csv")
     with pytest.raises(ModelError, match="holds a run of 'bouncing ball', and the model is"):
         repeated(stick_slip(), path)

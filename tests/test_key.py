@@ -6,7 +6,7 @@ import pytest
 
 from labkit import ModelError
 from labkit.course import HOME
-from labkit.key import key
+from labkit.key import _makes, key
 
 SAMPLE = "part3/00_sample_dry_friction"
 
@@ -56,3 +56,8 @@ def test_what_is_no_students_folder(tmp_path):
         list(key(tmp_path))
     with pytest.raises(ModelError, match="there is no project 31"):
         list(key(31))
+
+
+def test_models_are_found_where_a_cell_names_them():
+    text = "system, horizon = make(), 3.0\nfor system_two in ():\n    pass\nother = system"
+    assert _makes({"cell_type": "code", "source": text}) == ["system"]

@@ -135,6 +135,12 @@ def test_options_and_files_go_to_the_lab(words):
     assert main.split(words) == ("lab", words)
 
 
+def test_a_folder_with_the_name_of_a_command_does_not_hide_it(tmp_path, monkeypatch):
+    (tmp_path / "report").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main.split(["report", "mine"]) == ("report", ["mine"])
+
+
 # ---- filling it
 
 

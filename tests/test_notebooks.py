@@ -19,6 +19,7 @@ from labkit.notebooks import (
     execute_all,
     found,
     pre_save_hook,
+    state,
     strip,
 )
 
@@ -248,6 +249,18 @@ def test_a_notebook_that_is_read_says_what_its_kernel_will_say():
     for language in ({"name": "julia"}, None):
         made.metadata["language_info"] = language
         assert complete(made).metadata["language_info"] == language
+
+
+def test_the_state_of_a_notebook_is_all_but_its_results():
+    made = notebook("a")
+    made.cells.append(nbformat.v4.new_markdown_cell("picture", attachments={"a.png": {}}))
+    before = state(made), state(made, "metadata")
+    made.cells[0].update(execution_count=3, outputs=[{"output_type": "stream"}])
+    assert (state(made), state(made, "metadata")) == before
+    made.cells[0].metadata["tags"] = ["new"]
+    assert state(made) != before[0] and state(made, "metadata") == before[1]
+    made.cells[1].attachments["a.png"] = {"image/png": "AAAA"}
+    assert state(made, "metadata") != before[1]
 
 
 def test_the_save_hook_strips_notebooks_and_nothing_else():

@@ -1,6 +1,7 @@
 """The panel without a browser: controls from the model, pictures, messages, errors, export."""
 
 import io
+import json
 import math
 import threading
 
@@ -149,6 +150,7 @@ def test_which_sliders_and_ranges():
     assert list(keys(sliders=names, method=False)) == order
     assert list(keys(sliders=iter(names), method=False)) == order
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
+    assert "start.x" in keys(start={})
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
     assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}
     (control,) = explore(
@@ -191,6 +193,11 @@ def test_a_start_value_and_options_are_handed_on():
         ({"sliders": ["w"]}, "'w'"),
         ({"sliders": {"delta": 3}}, "'delta'"),
         ({"sliders": {"delta": (0.15, 0.15)}}, "'delta'"),
+        ({"sliders": {"delta": (0.5, 0.1)}}, "'delta' cannot run from 0.5 to 0.1: give"),
+        ({"sliders": {"delta": (0.1,)}}, r"'delta' must be \(low, high\), .*, not \(0.1,\)"),
+        ({"sliders": {"delta": (0, 1, 0.1, 9)}}, r"'delta' must be \(low, high\), .* 9\)"),
+        ({"start": [1.0]}, r"start must be a dict .* not \[1.0\]"),
+        ({"start": {"x": "far"}}, "start of 'x' must be a number, not 'far'"),
         ({"omega": 2.0}, "omega"),
         ({"delta": 7.0}, "outside its range"),
     ],
@@ -203,6 +210,13 @@ def test_bad_requests_are_refused_with_words(options, words):
 def test_a_horizon_that_is_no_number_is_refused():
     with pytest.raises(ModelError, match="horizon"):
         explore(oscillator(), math.nan, curves)
+
+
+def test_a_run_that_begins_late_has_an_end_after_it():
+    panel = explore(oscillator(), 1010.0, curves, t0=1000.0)
+    end, step = (one for one in panel.controls if one.key in ("t_end", "step"))
+    assert (end.low, end.high) == (1001.0, 1020.0) and step.value == 0.01
+    panel.check()
 
 
 @given(
@@ -447,6 +461,16 @@ def test_choices_switch_between_variants():
     assert panel.run.system is slow and panel.run.p == (0.5, 0.15)
 
 
+def test_choices_and_presets_are_of_what_a_page_can_say():
+    """Numbers of NumPy, and options that are no texts: a page gives them back as texts."""
+    sizes = {1: {"delta": 0.1}, 2: {"delta": 0.2}}
+    presets = {"fast": {"omega0": np.int64(5), "size": 2}}
+    panel = explore(oscillator(), 10.0, curves, choices={"size": sizes}, presets=presets)
+    told = json.loads(json.dumps(panel.spec))
+    Browser(panel).picture(**told["presets"]["fast"])
+    assert (panel.run.p.omega0, panel.run.p.delta) == (5.0, 0.2)
+
+
 # ---- hands
 
 
@@ -512,6 +536,16 @@ def test_a_place_where_no_run_can_start_is_a_sentence_and_leaves_nothing():
     )
 
 
+def test_trajectories_that_cannot_start_any_more_do_not_hinder_the_others():
+    hands = Browser(explore(stick_slip(), 10.0))
+    hands.tell(kind="ready")
+    for x in (2.0, 2.5):
+        assert hands.tell(kind="start", axes=1, **pixel(hands, 1, x, 0.0))[0]["begun"] > 0
+    hands.tell(kind="set", values={"p.k": 3.0})  # now both slip at once
+    answer, _ = hands.tell(kind="clear", last=1)
+    assert (answer["kind"], answer["begun"]) == ("picture", 1)
+
+
 def test_dragging_the_start_moves_the_run_and_stays_in_the_sliders_range(hands):
     told = hands.answers[-1][0]
     assert hands.panel.spec["handles"] == ["start"]
@@ -537,6 +571,7 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
     def draw(run):
         fig = figure(1, 2)
         fig.axes[1].set(xlim=(-3, 1), ylim=(-7, 7))  # the eigenvalues −δ ± i√(ω² − δ²)
+        nonlocal root
         root = Handle(
             fig.axes[1],
             place=lambda run: (-run.p.delta, math.sqrt(run.p.omega0**2 - run.p.delta**2)),
@@ -545,6 +580,7 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
         )
         return [time_plot(run, "x", axes=fig.axes[0]), root]
 
+    root = None
     hands = Browser(explore(oscillator(), 10.0, draw))
     told, _ = hands.tell(kind="ready")
     where = pixel(hands, 1, -0.15, math.sqrt(4 - 0.15**2))
@@ -555,6 +591,10 @@ def test_a_handle_sets_parameters_by_a_mapping_of_the_notebook():
         pytest.approx(math.hypot(0.6, 3), abs=0.011),
     )
     assert hands.panel.run.p.delta == pytest.approx(0.6)
+    root.values = lambda re, im: {"detla": -re}
+    assert (
+        "'eigenvalue' names 'detla', which" in hands.tell(kind="drag", handle=0, **where)[0]["text"]
+    )
     with pytest.raises(ModelError, match="Handle needs"):
         Handle(hands.panel.figure.axes[0], "delta")
 
@@ -674,6 +714,11 @@ def test_zoom_and_back(hands):
         hands.tell(kind="limits", axes=0, limits=[2.0, 0.0, 2.0, 1.0])[0]["kind"] == "error"
         and axes.get_xlim() == before[0]
     )
+
+
+def test_a_zoom_that_was_refused_is_none(hands):
+    assert hands.tell(kind="limits", axes=0, limits=[2.0, 0.0, 2.0, 1.0])[0]["kind"] == "error"
+    assert hands.tell(kind="ready")[0]["axes"][0]["home"]
 
 
 def test_zoom_of_logarithmic_axes_is_linear_in_pixels():
@@ -924,6 +969,11 @@ def test_the_settings_as_a_line_of_code(browser):
     assert answer["code"] == "explore(system, 10.0, rtol=1e-06)"
 
 
+def test_the_line_of_code_says_what_no_slider_sets():
+    panel = explore(ball(zeno=None), 40.0, method=False, rtol=1e-5)
+    assert panel.run.t[-1] < 40 and panel.code() == "explore(system, 40.0, rtol=1e-05)"
+
+
 @pytest.mark.parametrize("step", [0, -0.1])
 def test_a_step_that_leads_nowhere_is_refused(step):
     with pytest.raises(
@@ -940,6 +990,9 @@ def test_the_grid_of_a_slider():
 
     odd = control(0.1, 0.9, 0.2)
     assert [odd.nearest(at) for at in (0, 0.19, 0.21, 0.75, 9)] == [0.1, 0.1, 0.3, 0.7, 0.9]
+    fine = explore(oscillator(), 9.0, curves, sliders={"rtol": (1e-9, 1e-3, 0.5)}).controls
+    rtol = next(one for one in fine if one.key == "rtol")
+    assert [rtol.nearest(at) for at in (1e-9, 2.9e-8, 1e-3)] == [1e-9, 3.2e-8, 1e-3]
     assert control(0.0333, 1).nearest(0.5001) == 0.5  # round numbers where no step is given
 
 

@@ -1,12 +1,15 @@
 """Report and slides of a folder: numbered, self-contained, what fails is said and the rest kept."""
 
 import json
+import re
+from pathlib import Path
 
+import nbformat
 import pytest
 
 from labkit import ModelError
 from labkit.browser import find_browser
-from labkit.report import report
+from labkit.report import Ran, _report, _slides, report
 
 MODEL = """\
 from labkit import Mode, Parameter, System, check, explore, simulate, time_plot
@@ -152,3 +155,21 @@ def test_a_notebook_that_was_edited_by_hand(tmp_path):
     for path in (made, slides):
         head = path.read_text(encoding="utf-8").partition("</title>")[0]
         assert "<b>" not in head.rpartition("<title>")[2]
+
+
+def test_a_notebook_of_code_only_has_a_slide_and_its_own_name():
+    cells = [nbformat.v4.new_code_cell("# set up\nprint(1)")]
+    text = _slides([Ran(Path("oven.ipynb"), nbformat.v4.new_notebook(cells=cells))])
+    assert text.count("<section>") == 1 and "<title>oven</title>" in text
+
+
+def test_headings_of_the_same_words_have_places_of_their_own():
+    def one(name):
+        cells = [nbformat.v4.new_markdown_cell(f"# {name}\n\n## 1 Task\n\n```\n## none\n```")]
+        return Ran(Path(f"{name}.ipynb"), nbformat.v4.new_notebook(cells=cells))
+
+    text = _report([one("a"), one("b")])
+    nav = text[text.index("<nav") : text.index("</nav>")]
+    places = ["a", "1-Task", "b", "1-Task-2"]
+    assert re.findall(r'href="#(.*?)"', nav) == places
+    assert re.findall(r'<h[12] id="(.*?)"', text) == places

@@ -1,5 +1,9 @@
 """Several models behind one set of sliders."""
 
+import io
+import zipfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -209,6 +213,21 @@ def test_cursor_held_run_clicks_and_export(pair, tmp_path):
     panel.run.to_csv(tmp_path / "both.csv")
     assert {path.name for path in tmp_path.iterdir()} == {"both_plain.csv", "both_damped.csv"}
     assert panel._picture()[0]["span"] == [0.0, 5.0]
+    said = [panel.export("csv", tmp_path) for _ in range(2)]  # nothing is written over
+    assert all(path.exists() for text in said for path in map(Path, text[6:].split(", ")))
+    assert len(set(tmp_path.iterdir())) == 6
+    twins = explore(dict(zip(("A/b", "a b"), pair.values(), strict=True)), 5.0, **PLAIN)
+    assert len(set(twins.run.files(tmp_path / "run.csv"))) == 2
+    slow = explore({"so-called": pair["plain"], "b": pair["damped"]}, 5.0, **PLAIN)
+    slow._cursor({"t": 2.0})  # minus signs are of numbers only
+    assert "= −0.9" in slow._reading() and "(so-called)" in slow._reading()
+
+
+def test_under_voila_the_files_of_all_runs_come_in_one(pair, monkeypatch):
+    monkeypatch.setenv("SERVER_SOFTWARE", "voila/0.5")
+    said, (data,) = explore(pair, 5.0, **PLAIN)._export({"what": "csv"})
+    names = ["plain_damped_plain.csv", "plain_damped_damped.csv"]
+    assert said["name"] == "runs.zip" and zipfile.ZipFile(io.BytesIO(data)).namelist() == names
 
 
 def test_one_of_several_that_ends_before_the_others_stays_at_its_end(pair):

@@ -3,10 +3,11 @@
 import json
 import re
 
+import nbformat
 import pytest
 
 from labkit import ModelError
-from labkit.site import _finish, site
+from labkit.site import _finish, make_page, site
 
 from .test_report import ONE, TWO, write
 
@@ -85,6 +86,21 @@ def test_links_to_names_of_all_kinds(tmp_path):
     link = "a%20%22b%22%20%26%20%3Cc%3E%20%231%2050%25%20%C3%BCbung%3F.html"
     assert f'href="{link}"' in (tmp_path / "index.html").read_text(encoding="utf-8")
     assert f'["{link}",' in (tmp_path / "labkit-search.js").read_text(encoding="utf-8")
+
+
+def test_the_first_page_is_the_start_or_an_index_of_ones_own(tmp_path):
+    def made(name, text):
+        cells = [nbformat.v4.new_markdown_cell(text)]
+        make_page(nbformat.v4.new_notebook(cells=cells), tmp_path / "x.ipynb", name, tmp_path)
+        return (tmp_path / f"{name}.html").read_text(encoding="utf-8")
+
+    text = made("part1/one", "[a](../start.ipynb#To) [b](two.ipynb#To) [c](https://x.org/d.ipynb)")
+    for link in ("../index.html#To", "two.html#To", "https://x.org/d.ipynb"):
+        assert f'href="{link}"' in text
+    made("index", "# My own words")
+    _finish(tmp_path, ["index"])
+    text = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "My own words" in text and "labkit-search.js" in text
 
 
 def test_an_interrupted_site_is_a_site(tmp_path, monkeypatch):
