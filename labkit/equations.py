@@ -17,6 +17,7 @@ import textwrap
 import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -81,25 +82,41 @@ class Equations:
         self.parameters = {name: sp.Symbol(name, real=True) for name in system.parameters}
         self._tracer = Tracer([*self.states.values(), self.t])
         self._p = system.P(*map(Quantity, self.parameters.values()))
-        self._shown = {
+
+    @cached_property
+    def _traced(self) -> tuple[dict[str, Any], list[_Row], dict[str, dict[str, Any]]]:
+        """Of modes, transitions and outputs, in the order in which helpers are then defined."""
+        system = self.system
+        flows = {
             mode: self._trace(what.flow, mode, system.states_of(mode))
             for mode, what in system.modes.items()
         }
-        self._rows = [
-            self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)
-        ]
-        self._output = {
+        rows = [self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)]
+        outputs = {
             name: {mode: self._trace(f, mode) for mode, f in self._functions(name).items()}
             for name in system.outputs
         }
-        self.flows = {mode: self._expand(shown) for mode, shown in self._shown.items()}
-        first = {id(row.transition): row for row in reversed(self._rows)}
-        self.guards = [self._expand(first[id(tr)].guard) for tr in system.transitions]
-        self.resets = [self._expand(first[id(tr)].reset) for tr in system.transitions]
-        self.outputs = {
-            name: {mode: self._expand(e) for mode, e in modes.items()}
-            for name, modes in self._output.items()
-        }
+        return flows, rows, outputs
+
+    @cached_property
+    def flows(self) -> dict[str, Any]:
+        return {mode: self._expand(shown) for mode, shown in self._traced[0].items()}
+
+    @cached_property
+    def guards(self) -> list[Any]:
+        return [  # traced by themselves: a mode diagram needs nothing else
+            None if tr.guard is None else self._expand(self._trace(tr.guard, tr.sources[0]))
+            for tr in self.system.transitions
+        ]
+
+    @cached_property
+    def resets(self) -> list[Any]:
+        first = {id(row.transition): row.reset for row in reversed(self._traced[1])}
+        return [self._expand(first[id(tr)]) for tr in self.system.transitions]
+
+    @cached_property
+    def outputs(self) -> dict[str, dict[str, Any]]:
+        return {name: self._expand(modes) for name, modes in self._traced[2].items()}
 
     def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
         """An expression, or {name: expression} where names are given, or Untraced."""
@@ -162,6 +179,7 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
+        flows, rows, outputs = self._traced
         words = {
             n: f"${latex_name(n)}$"
             + (f" {system.meanings[n]}" if system.meanings[n] else "")
@@ -178,7 +196,7 @@ class Equations:
             )
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
-            shown = self._shown[mode.name]
+            shown = flows[mode.name]
             if isinstance(shown, Untraced):
                 parts.append(_code(title, shown))
             else:
@@ -187,7 +205,7 @@ class Equations:
                     title,
                     "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$",
                 ]
-        parts += self._output_parts()
+        parts += self._output_parts(outputs)
         if self._tracer.definitions:
             heads = (
                 (latex_name(d.name), ", ".join(map(self.latex, d.args)), self.latex(d.e))
@@ -201,14 +219,14 @@ class Equations:
                 "where",
                 "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$",
             ]
-        if self._rows:
-            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in self._rows)]
+        if rows:
+            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in rows)]
         parts.append(self._start())
         return "\n\n".join(parts)
 
-    def _output_parts(self) -> list[str]:
+    def _output_parts(self, outputs: Mapping[str, dict[str, Any]]) -> list[str]:
         lines, parts = [], []
-        for name, modes in self._output.items():
+        for name, modes in outputs.items():
             if bad := next((e for e in modes.values() if isinstance(e, Untraced)), None):
                 parts.append(_code(f"Output ${latex_name(name)}$", bad))
                 continue
