@@ -460,7 +460,13 @@ def test(options: list[str]) -> int:
     tests = ROOT / "tests"
     given = any(Path(word.split("::")[0]).exists() for word in options)
     places = (
-        [] if given else [str(tests / "test_browser.py"), str(tests), str(ROOT / "notebooks")]
+        []
+        if given
+        else [
+            *map(str, sorted(tests.glob("test_browser_*.py"), reverse=True)),
+            str(tests),
+            str(ROOT / "notebooks"),
+        ]
     )  # what takes longest begins first
     workers = (
         []
