@@ -252,6 +252,7 @@ class Characteristic:
         self.name, self.rising, self.memory = name, rising, memory
         self.falling = falling or rising
         self.hysteresis = falling is not None and falling != rising
+        self._right: dict[str, float] | None = None  # values that `check` has found right
         for branch in {self.rising, self.falling}:
             if len(branch.pieces) != len(branch.edges) + 1:
                 raise ModelError(
@@ -312,6 +313,11 @@ class Characteristic:
         The break points must not go back. Of two branches the rising one (x' > 0) must not lie
         above the falling one, and both must be the same far out on either side.
         """
+        if values_of(p) != self._right:
+            self._check(p)
+            self._right = dict(values_of(p))
+
+    def _check(self, p: object) -> None:
         for way, branch in self.branches:
             edges = self.edges(p, way)
             if not np.all(np.isfinite(edges)):

@@ -18,6 +18,7 @@ from .model import ModelError, System, listed
 __all__ = ["Event", "Events", "Firings", "Touch"]
 
 END, SLIDING = -1, -2  # in the place of a mode: the run ended; the modes slid
+SLIDES = " (sliding)"  # what the name of a transition then has behind it
 
 
 @dataclass(frozen=True)
@@ -102,18 +103,21 @@ class Events(Sequence):
     @cached_property
     def _events(self) -> list[Event]:
         system, made = self._system, []
+        names = [tr.name for tr in system.transitions]
+        places = {mode: system.places(mode).items() for mode in system.modes}
+        middle = (5 + self._rows.shape[1]) // 2
         for at, row in zip(self._ends, self._rows.tolist(), strict=True):
             one, other, source, target = at
-            before, after = np.array_split(np.array(row[5:]), 2)
+            before, after, who = row[5:middle], row[middle:], int(row[1])
             made.append(
                 Event(
                     row[0],
-                    self._name(int(row[1]), SLIDING in row[3:5]),
+                    names[who] + SLIDES * (SLIDING in row[3:5]),
                     source,
                     target,
-                    _named(system, one, before),
-                    _named(system, other, after),
-                    int(row[1]),
+                    {name: before[place] for name, place in places[one]},
+                    {name: after[place] for name, place in places[other]},
+                    who,
                 )
             )
         return made
@@ -130,22 +134,16 @@ class Events(Sequence):
             ends.append((one, other, words[source], words[target]))
         return ends
 
-    def _name(self, transition: int, sliding: bool) -> str:
-        return self._system.transitions[transition].name + (" (sliding)" if sliding else "")
-
     def _firings(self, label: str) -> Firings:
         system, rows = self._system, self._rows
         names = [tr.name for tr in system.transitions]
-        if label not in names and label.removesuffix(" (sliding)") not in names:
+        called = np.array([[label == name, label == name + SLIDES] for name in names], dtype=bool)
+        if not called.any():
             raise ModelError(
                 f"no transition of {system.name!r} is called {label!r}; there are {listed(names)}"
             )
-        sliding = (rows[:, 3:5] == SLIDING).any(axis=1).tolist()
-        mine = [
-            k
-            for k, who in enumerate(rows[:, 1].astype(int).tolist())
-            if self._name(who, sliding[k]) == label
-        ]
+        sliding = (rows[:, 3:5] == SLIDING).any(axis=1).astype(int)
+        mine = np.flatnonzero(called[rows[:, 1].astype(int), sliding]).tolist()
         ends = [self._ends[k] for k in mine]
         width = (rows.shape[1] - 5) // 2
         before, after = (
@@ -167,10 +165,6 @@ class Events(Sequence):
 
     def __repr__(self) -> str:
         return repr(self._events)
-
-
-def _named(system: System, mode: str, state: np.ndarray) -> dict[str, float]:
-    return {name: float(state[place]) for name, place in system.places(mode).items()}
 
 
 def _columns(system: System, modes: list[str], states: np.ndarray) -> dict[str, np.ndarray]:
