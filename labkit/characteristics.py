@@ -389,8 +389,8 @@ class Characteristic:
         places = np.unique([0.0, *x.ravel(), *edges[(edges > low) & (edges < high)]])
         piece = np.searchsorted(edges, (places[1:] + places[:-1]) / 2)  # of each gap between them
         gaps = np.zeros(len(piece))
-        for k, text in enumerate(self.rising.pieces):
-            ends = places[:-1][piece == k], places[1:][piece == k]
+        for k in set(piece.tolist()):
+            text, ends = self.rising.pieces[k], (places[:-1][piece == k], places[1:][piece == k])
             gaps[piece == k] = integrals(lambda q, text=text: number_of(text, p, q), *ends)
         work = np.concatenate([[0.0], np.cumsum(gaps)])
         total = work[np.searchsorted(places, x)] - work[np.searchsorted(places, 0.0)]
