@@ -386,17 +386,13 @@ def _palette_png(rgb: Image.Image) -> bytes:
     counted = rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height)
     counts, found = (np.array(part, dtype=np.int32) for part in zip(*counted, strict=True))
     # Pillow's own mapping is good to 2 bits only: white turns grey
-    place = np.zeros(1 << 24, dtype=np.int32)
+    place = np.zeros(1 << 24, dtype=np.uint16 if len(found) <= 1 << 16 else np.int32)
     place[found @ _BYTES] = np.arange(len(found))
     which = place[np.asarray(rgb, dtype=np.int32) @ _BYTES]  # the colour of each pixel
     within = which[1:-1, 1:-1]
-    area = np.logical_and.reduce(  # pixels like their four neighbours
-        [
-            within == which[y : y + len(within), x : x + within.shape[1]]
-            for y, x in ((0, 1), (2, 1), (1, 0), (1, 2))
-        ]
-    )
-    wide = np.bincount(within[area], minlength=len(found))
+    area = (within == which[:-2, 1:-1]) & (within == which[2:, 1:-1])
+    area &= (within == which[1:-1, :-2]) & (within == which[1:-1, 2:])
+    wide = np.bincount(within[area], minlength=len(found))  # pixels like their four neighbours
     order = np.lexsort((*found.T[::-1], -counts, -wide))
     found, rank = found[order], np.argsort(order)
     # every colour once is enough for maximum coverage
