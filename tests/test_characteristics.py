@@ -544,3 +544,12 @@ def test_a_curve_of_many_points_is_as_one_of_few():
     made, between = from_points(list(zip(x, np.sin(x), strict=True))), np.linspace(-1, 5, 77)
     assert made(between) == pytest.approx(np.interp(between, x, np.sin(x)), abs=1e-12)
     assert made(1.0) == pytest.approx(np.interp(1.0, x, np.sin(x)))
+
+
+def test_values_found_right_do_not_speak_for_others():
+    relay, p = characteristic("relay with hysteresis"), {"K": 1.0, "a": 0.4}
+    assert relay(1.0, p) == 1.0
+    p["a"] = -0.2  # the same dict
+    with pytest.raises(ModelError, match="branches cross"):
+        relay(1.0, p)
+    assert relay(1.0, p | {"a": 0.3}) == 1.0
