@@ -250,6 +250,7 @@ class Characteristic:
         self.name, self.rising, self.memory = name, rising, memory
         self.falling = falling or rising
         self.hysteresis = falling is not None and falling != rising
+        self._right: dict[str, float] | None = None  # values that `check` has found right
         for branch in {self.rising, self.falling}:
             if len(branch.pieces) != len(branch.edges) + 1:
                 raise ModelError(
@@ -310,10 +311,13 @@ class Characteristic:
         The break points must not go back. Of two branches the rising one (x' > 0) must not lie
         above the falling one, and both must be the same far out on either side.
         """
+        if values_of(p) == self._right:
+            return
         if fault := self._fault(p):
             values = values_of(p)
             said = ", ".join(f"{name} = {values[name]:g}" for name in sorted(self.parameters))
             raise ModelError(f"{self.name}: {fault}{f' ({said})' * bool(said)}")
+        self._right = dict(values_of(p))
 
     def _fault(self, p: object) -> str:
         for way, branch in self.branches:
@@ -373,9 +377,9 @@ class Characteristic:
         places = np.unique([0.0, *x.ravel(), *edges[(edges > low) & (edges < high)]])
         piece = np.searchsorted(edges, (places[1:] + places[:-1]) / 2)  # of each gap between them
         gaps = np.zeros(len(piece))
-        for k, text in enumerate(self.rising.pieces):
+        for k in set(piece.tolist()):
             ends = places[:-1][piece == k], places[1:][piece == k]
-            f = partial(number_of, text, p)
+            f = partial(number_of, self.rising.pieces[k], p)
             gaps[piece == k] = formulas.integrals(f, *ends)
         work = np.concatenate([[0.0], np.cumsum(gaps)])
         total = work[np.searchsorted(places, x)] - work[np.searchsorted(places, 0.0)]

@@ -17,6 +17,7 @@ import textwrap
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,25 +75,41 @@ class Equations:
         self.parameters = {name: sp.Symbol(name, real=True) for name in system.parameters}
         self._tracer = Tracer([*self.states.values(), self.t])
         self._p = system.P(*map(Quantity, self.parameters.values()))
-        self._shown = {
+
+    @cached_property
+    def _traced(self) -> tuple[dict[str, Any], list[_Row], dict[str, dict[str, Any]]]:
+        """Of modes, transitions and outputs, in the order in which helpers are then defined."""
+        system = self.system
+        flows = {
             mode: self._trace(what.flow, mode, system.states_of(mode))
             for mode, what in system.modes.items()
         }
-        self._rows = [
-            self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)
-        ]
-        self._output = {
+        rows = [self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)]
+        outputs = {
             name: {mode: self._trace(f, mode) for mode in system.modes if (f := what.of(mode))}
             for name, what in system.outputs.items()
         }
-        self.flows = {mode: self._expand(shown) for mode, shown in self._shown.items()}
-        first = {id(row.transition): row for row in reversed(self._rows)}
-        self.guards = [self._expand(first[id(tr)].guard) for tr in system.transitions]
-        self.resets = [self._expand(first[id(tr)].reset) for tr in system.transitions]
-        self.outputs = {
-            name: {mode: self._expand(e) for mode, e in modes.items()}
-            for name, modes in self._output.items()
-        }
+        return flows, rows, outputs
+
+    @cached_property
+    def flows(self) -> dict[str, Any]:
+        return {mode: self._expand(shown) for mode, shown in self._traced[0].items()}
+
+    @cached_property
+    def guards(self) -> list[Any]:
+        return [  # traced by themselves: a mode diagram needs nothing else
+            None if tr.guard is None else self._expand(self._trace(tr.guard, tr.sources[0]))
+            for tr in self.system.transitions
+        ]
+
+    @cached_property
+    def resets(self) -> list[Any]:
+        first = {id(row.transition): row.reset for row in reversed(self._traced[1])}
+        return [self._expand(first[id(tr)]) for tr in self.system.transitions]
+
+    @cached_property
+    def outputs(self) -> dict[str, dict[str, Any]]:
+        return {name: self._expand(modes) for name, modes in self._traced[2].items()}
 
     def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
         """An expression, or {name: expression} where names are given, or Untraced."""
@@ -143,6 +160,7 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
+        flows, rows, outputs = self._traced
         words = {}
         for name, unit in system.units.items():
             word = f"${latex_name(name)}$", system.meanings[name], unit and f"[{unit}]"
@@ -152,24 +170,24 @@ class Equations:
         parts = [f"**{system.name}**: states {', '.join(words.values())}{held}"]
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
-            shown = self._shown[mode.name]
+            shown = flows[mode.name]
             if isinstance(shown, Untraced):
                 parts.append(_code(title, shown))
             else:
                 lines = (f"{_dot(name)} &= {self.latex(e)}" for name, e in shown.items())
                 parts += [title, _aligned(lines)]
-        parts += self._output_parts()
+        parts += self._output_parts(outputs)
         if helpers := self._tracer.definitions.values():
             heads = (_called(each.name, map(self.latex, each.args)) for each in helpers)
             lines = zip(heads, (self.latex(each.e) for each in helpers), strict=True)
             parts += ["where", _aligned(map(" &= ".join, lines))]
-        if self._rows:
-            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in self._rows)]
+        if rows:
+            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in rows)]
         return "\n\n".join([*parts, self._start()])
 
-    def _output_parts(self) -> list[str]:
+    def _output_parts(self, outputs: Mapping[str, dict[str, Any]]) -> list[str]:
         lines, parts = [], []
-        for name, modes in self._output.items():
+        for name, modes in outputs.items():
             if bad := next((e for e in modes.values() if isinstance(e, Untraced)), None):
                 parts.append(_code(f"Output ${latex_name(name)}$", bad))
                 continue

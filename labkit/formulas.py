@@ -115,7 +115,8 @@ def _code(text: str) -> tuple[CodeType, tuple[str, ...]]:
 
 
 def number_of(text: str, p: object, x: object = None) -> Any:
-    values, (code, names) = values_of(p), _code(text)
+    code, names = _code(text)
+    values = values_of(p) if names else {}
     if missing := [name for name in names if name not in values]:
         raise ModelError(f"{text!r} needs the parameter {missing[0]!r}; give p = {{…}}")
     try:

@@ -18,6 +18,7 @@ from .model import System, check_names
 __all__ = ["Event", "Events", "Firings", "Touch"]
 
 END, SLIDING = -1, -2  # in the place of a mode: the run ended; the modes slid
+SLIDES = " (sliding)"  # what the name of a transition then has behind it
 
 
 @dataclass(frozen=True)
@@ -99,16 +100,24 @@ class Events(Sequence):
 
     @cached_property
     def _events(self) -> list[Event]:
-        made = []
+        system, made = self._system, []
+        names = [tr.name for tr in system.transitions]
+        places = {mode: system.places(mode).items() for mode in system.modes}
+        middle = (5 + self._rows.shape[1]) // 2
         for at, row in zip(self._ends, self._rows.tolist(), strict=True):
             one, other, source, target = at
-            who, middle = int(row[1]), (5 + len(row)) // 2
-            name = self._name(who, SLIDING in row[3:5])
-            before, after = (
-                {key: state[place] for key, place in self._system.places(mode).items()}
-                for mode, state in ((one, row[5:middle]), (other, row[middle:]))
+            before, after, who = row[5:middle], row[middle:], int(row[1])
+            made.append(
+                Event(
+                    row[0],
+                    names[who] + SLIDES * (SLIDING in row[3:5]),
+                    source,
+                    target,
+                    {name: before[place] for name, place in places[one]},
+                    {name: after[place] for name, place in places[other]},
+                    who,
+                )
             )
-            made.append(Event(row[0], name, source, target, before, after, who))
         return made
 
     @cached_property
@@ -123,17 +132,14 @@ class Events(Sequence):
             ends.append((one, other, words[source], words[target]))
         return ends
 
-    def _name(self, transition: int, sliding: bool) -> str:
-        return self._system.transitions[transition].name + (" (sliding)" if sliding else "")
-
     def _firings(self, label: str) -> Firings:
         system, rows = self._system, self._rows
         names = [tr.name for tr in system.transitions]
-        if label.removesuffix(" (sliding)") not in names:
+        called = np.array([[label == name, label == name + SLIDES] for name in names], dtype=bool)
+        if not called.any():
             check_names([label], names, f"no transition of {system.name!r} is called {{}}")
-        sliding = (rows[:, 3:5] == SLIDING).any(axis=1).tolist()
-        whose = zip(rows[:, 1].astype(int).tolist(), sliding, strict=True)
-        mine = [k for k, who in enumerate(whose) if self._name(*who) == label]
+        sliding = (rows[:, 3:5] == SLIDING).any(axis=1).astype(int)
+        mine = np.flatnonzero(called[rows[:, 1].astype(int), sliding]).tolist()
         ends, middle = [self._ends[k] for k in mine], (5 + rows.shape[1]) // 2
         one, other, source, target = (
             np.array([end[k] for end in ends], dtype=object) for k in range(4)

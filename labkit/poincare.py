@@ -5,11 +5,10 @@ section(run, 2 * pi)["x"]; section(run, lambda t, s, p: s.v, direction=1).t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from .arguments import asked
 from .model import Function, ModelError, check_names, number
@@ -76,6 +75,8 @@ def section(
 
 def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
     """Where g comes from one side to the other along the flow, or to zero at an event."""
+    from scipy.optimize import brentq  # takes 0.3 s, and `periodic` does without
+
     system, width, held = run.system, run.system.width, len(run.system.held)
     # as run.at reads them, each polynomial holds up to where the next one begins
     ends = np.append(run._pieces[1:, 0], run.t[-1])
@@ -83,19 +84,17 @@ def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
     pieces, lasts, ends = (what[lasts > 0] for what in (run._pieces, lasts, ends))
     kinds = [(system.S[mode], list(system.places(mode).values())) for mode in system.modes]
 
-    def function(piece: np.ndarray) -> Callable[[float], float]:
-        kind, places = kinds[int(piece[2])]
+    def measured(pieces: np.ndarray, x: np.ndarray) -> list[float]:
+        states, _ = between(pieces, x, width, held)
+        found = []
+        for mode, t, y in zip(pieces[:, 2], pieces[:, 0] + x * pieces[:, 1], states, strict=True):
+            kind, places = kinds[int(mode)]
+            found.append(float(g(float(t), kind(*y[places].tolist()), run.p)))  # type: ignore[arg-type]
+        return found
 
-        def value(x: float) -> float:
-            y, _ = between(piece[None], np.array([x]), width, held)
-            return float(g(piece[0] + x * piece[1], kind(*y[0, places].tolist()), run.p))  # type: ignore[arg-type]
-
-        return value
-
-    functions = [function(piece) for piece in pieces]
-    thetas = [np.linspace(0, last, PARTS + 1) for last in lasts.tolist()]
-    values = np.array([[f(x) for x in xs] for f, xs in zip(functions, thetas, strict=True)])
-    values = np.reshape(values, (len(pieces), PARTS + 1))
+    thetas = np.linspace(0, lasts, PARTS + 1, axis=1)
+    each = np.repeat(pieces, PARTS + 1, axis=0)
+    values = np.reshape(measured(each, thetas.ravel()), thetas.shape)
     most = np.abs(values).max(axis=1, initial=0.0)
     steep = np.abs(np.diff(values)).max(axis=1, initial=0.0) * PARTS / (lasts * pieces[:, 1])
     clock = 4 * EPS * np.abs(pieces[:, 0] + pieces[:, 1])
@@ -106,7 +105,7 @@ def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
     points, start = [], True  # (t, whether it rises)
     side, last, zero = 0.0, (0, 0), None  # the side g was on, at which node, where it became zero
     signs = np.where(np.abs(values) <= slack, 0.0, np.sign(values))
-    for k, (piece, f, theta) in enumerate(zip(pieces, functions, thetas, strict=True)):
+    for k, (piece, theta) in enumerate(zip(pieces, thetas, strict=True)):
         for i, sign in enumerate(signs[k].tolist()):
             when = piece[0] + theta[i] * piece[1]
             if sign == 0:
@@ -117,7 +116,13 @@ def _zeros(run: Run, g: Function, direction: int) -> np.ndarray:
             start = False
             if side * sign < 0:
                 if last[0] == k:
-                    when = piece[0] + piece[1] * brentq(f, theta[last[1]], theta[i], xtol=1e-15)
+                    crossing = brentq(
+                        lambda x, own=piece[None]: measured(own, np.array([x]))[0],
+                        theta[last[1]],
+                        theta[i],
+                        xtol=1e-15,
+                    )
+                    when = piece[0] + piece[1] * crossing
                 points.append((when if zero is None or last[0] == k else zero, sign > 0))
             side, last, zero = sign, (k, i), None
         if float(ends[k]) in events:

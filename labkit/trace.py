@@ -19,7 +19,7 @@ import inspect
 import math
 import operator
 import types
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -323,6 +323,9 @@ class Tracer:
         self.definitions: dict[str, Definition] = {}
         # id -> (the original, kept alive, and its stand-in)
         self._copies: dict[int, tuple[Any, Callable]] = {}
+        # Formal arguments by helper and name; what helpers give for them, each walked only once
+        self._formals: dict[tuple[Callable, str], sp.Dummy] = {}
+        self._values: dict[tuple, Any] = {}
         self._table = _table()
 
     def trace(self, function: Callable, *args: Any) -> sp.Expr | tuple[sp.Expr, ...]:
@@ -406,42 +409,62 @@ class Tracer:
         bound = inspect.signature(function).bind(*args, **kwargs)
         bound.apply_defaults()
         shown: list[sp.Expr] = []
-        actual: list[sp.Expr] = []
-        formals: list[sp.Symbol] = []
+        actual: dict[sp.Symbol, sp.Expr] = {}
         for key, value in bound.arguments.items():
             if isinstance(value, Quantity) and not isinstance(value, Condition):
-                formals.append(sp.Dummy(key, real=True))
-                actual.append(value.e)
-                shown.append(formals[-1])
-                bound.arguments[key] = Quantity(formals[-1])
+                formal = self._formals.setdefault((copy, key), sp.Dummy(key, real=True))
+                actual[formal] = value.e
+                shown.append(formal)
+                bound.arguments[key] = Quantity(formal)
             elif isinstance(value, Real):
                 shown.append(expression(value))
-        result = _explore(lambda: copy(*bound.args, **bound.kwargs))
-        put = dict(zip(formals, actual, strict=True))
-        if isinstance(result, tuple):
-            return tuple(Quantity(e.xreplace(put)) for e in result)
-        if not result.has(sp.Piecewise):
-            return Quantity(result.xreplace(put))
+        called = (label, copy, *map(_identity, bound.arguments.values()))
+        if called not in self._values:
+            value = _explore(lambda: copy(*bound.args, **bound.kwargs))
+            if isinstance(value, sp.Expr) and value.has(sp.Piecewise):
+                value = self._named(label, shown, list(actual), value)
+            self._values[called] = value
+        value = self._values[called]
+        if isinstance(value, tuple):
+            return tuple(Quantity(e.xreplace(actual)) for e in value)
+        return Quantity(value.xreplace(actual))
+
+    def _named(
+        self, label: str, shown: list[sp.Expr], formals: list[sp.Symbol], e: sp.Expr
+    ) -> sp.Expr:
+        """F(V) in the place of its cases, which become a definition unless there is one already."""
+        symbols = e.free_symbols
+        if not shown:  # F(s, p): show what it depends on
+            formals = shown = [x for x in self.states if x in symbols]
         # A formal argument is shown under its own name, unless the body also speaks of the state of
         # that name.
-        names = {symbol.name for symbol in result.free_symbols if symbol not in formals}
-        if not formals and not shown:  # F(s, p): show what it depends on
-            formals = shown = actual = [x for x in self.states if x in result.free_symbols]
+        names = {symbol.name for symbol in symbols if symbol not in formals}
         rename = {
-            f: f if f.name in names or not isinstance(f, sp.Dummy) else sp.Symbol(f.name, real=True)
+            f: sp.Symbol(f.name, real=True)
             for f in formals
+            if isinstance(f, sp.Dummy) and f.name not in names
         }
-        result, args = result.xreplace(rename), tuple(rename.get(x, x) for x in shown)
+        args, e = tuple(rename.get(x, x) for x in shown), e.xreplace(rename)
         alike = [d for d in self.definitions.values() if (d.name, d.args) == (label, args)]
         for definition in alike:
-            if definition.e == result:
-                return Quantity(definition.function(*actual))
+            if definition.e == e:
+                return definition.function(*formals)
         key = label + "′" * len(alike)
         while key in self.definitions:
             key += "_"
         made = sp.Function(key, real=True)
-        self.definitions[key] = Definition(label, made, args, tuple(rename.values()), result)
-        return Quantity(made(*actual))
+        own = tuple(rename.get(f, f) for f in formals)
+        self.definitions[key] = Definition(label, made, args, own, e)
+        return made(*formals)
+
+
+def _identity(value: Any) -> Any:
+    """What a helper's value depends on: equal for arguments of one kind, whatever their objects."""
+    if isinstance(value, Quantity):
+        return value.condition if isinstance(value, Condition) else value.e
+    if isinstance(value, tuple):
+        return type(value), *map(_identity, value)
+    return (type(value), value) if isinstance(value, Hashable) else object()
 
 
 def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:

@@ -20,7 +20,7 @@ from pathlib import Path
 from labkit.__main__ import lab_command, lab_environment
 from labkit.browser import FLAGS, find_browser
 
-from .helpers import ROOT
+from .helpers import ROOT, source
 
 KERNEL = {
     "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
@@ -217,3 +217,176 @@ def run_all(page) -> None:
         timeout=180_000,
     )
     page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")
+
+
+def walk(page):
+    """Shows every code cell for a moment.
+
+    Lab puts what is in a cell into the page when it comes near.
+    """
+    page.evaluate("""async () => {
+        const cells = '.jp-NotebookPanel:not(.lm-mod-hidden) .jp-CodeCell';
+        for (const cell of document.querySelectorAll(cells)) {
+            cell.scrollIntoView();
+            await new Promise((shown) => setTimeout(shown, 30));
+        }
+    }""")
+
+
+def failures(page):
+    """The errors and warnings under the cells. By textContent.
+
+    Lab skips the painting of what is far away, and innerText is empty there.
+    """
+    kinds = ("application/vnd.jupyter.error", "application/vnd.jupyter.stderr")
+    return [
+        text
+        for kind in kinds
+        for text in page.locator(f'.jp-Notebook [data-mime-type="{kind}"]').all_text_contents()
+    ]
+
+
+def panels(page, least=1):
+    """All panels, `least` or more, each once it has painted its first picture.
+
+    Lab makes widgets when their cells come near.
+    """
+    assert until(
+        lambda: (
+            walk(page)
+            or page.evaluate(
+                """least => {
+        const widgets = '.jp-Notebook .jp-OutputArea-output:not([data-mime-type])';
+        const views = [...document.querySelectorAll(widgets)];
+        const painted = (view) => view.querySelector('.labkit-panel canvas');
+        return !least || (views.length >= least && views.every(painted));
+    }""",
+                least,
+            )
+        ),
+        90,
+    )
+    found = page.locator(".labkit-panel")
+    for k in range(found.count()):
+        found.nth(k).scroll_into_view_if_needed()
+        pictures(page, found.nth(k), 1)
+    return [found.nth(k) for k in range(found.count())]
+
+
+def pictures(page, panel, number):
+    """Waits until the panel has painted the answer to its message `number`."""
+    page.wait_for_function(
+        "([canvas, number]) => Number(canvas.dataset.seq) >= number",
+        arg=[panel.locator("canvas").element_handle(), number],
+    )
+    return int(panel.locator("canvas").get_attribute("data-seq"))
+
+
+def remember(panel):
+    panel.locator("canvas").evaluate(
+        "canvas => { canvas.before = canvas.getContext('2d')"
+        ".getImageData(0, 0, canvas.width, canvas.height); }"
+    )
+
+
+def changed(panel):
+    """Part of the picture's pixels that differ clearly from those that were remembered."""
+    return panel.locator("canvas").evaluate("""canvas => {
+        const now = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        const [a, b] = [canvas.before.data, now.data];
+        if (a.length !== b.length) return 1;
+        let count = 0;
+        const off = (i) => Math.abs(a[i] - b[i]);
+        const far = (i) => Math.max(off(i), off(i + 1), off(i + 2)) > 60;
+        for (let i = 0; i < a.length; i += 4) count += far(i);
+        return count / (a.length / 4);
+    }""")
+
+
+def drag(page, panel, part, slider=0):
+    """Drags a slider with the mouse to a part of its way, in small steps.
+
+    Returns the last picture's number.
+    """
+    thumb = panel.locator(".labkit-range:visible").nth(
+        slider
+    )  # a method with a fixed step hides the tolerance, an adaptive one the step
+    thumb.scroll_into_view_if_needed()
+    box = still(thumb)
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.5 * box["width"], y)
+    page.mouse.down()
+    for k in range(1, 11):
+        page.mouse.move(box["x"] + (0.5 + (part - 0.5) * k / 10) * box["width"], y)
+        time.sleep(0.03)
+    page.mouse.up()
+    return settled(page, panel)
+
+
+def still(element):
+    """The element's box once it has stopped moving: panels above it may still be painted."""
+    boxes = [element.bounding_box()]
+    until(lambda: boxes.append(element.bounding_box()) or boxes[-1] == boxes[-2])
+    return boxes[-1]
+
+
+def until(check, seconds=60):
+    """Waits until check() is true: a machine with much to do takes its time for a redraw."""
+    deadline = time.monotonic() + seconds
+    while not check() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    return check()
+
+
+def settled(page, panel):
+    """Waits until no new picture comes for 0.7 s and the panel waits for none.
+
+    It says so when an answer takes longer than 0.4 s.
+    """
+    last, since, deadline = None, time.monotonic(), time.monotonic() + 90
+    while time.monotonic() - since < 0.7 and time.monotonic() < deadline:
+        now = panel.evaluate(
+            "panel => [panel.querySelector('canvas').dataset.seq, "
+            "'late' in panel.querySelector('.labkit-verdict').dataset]"
+        )
+        if now != last or now[1]:
+            last, since = now, time.monotonic()
+        time.sleep(0.05)
+    return int(last[0])
+
+
+def opens_runs_and_slides(page, lab: Lab, name: str) -> None:
+    """Opens a notebook, runs all its cells without an error, drags a slider of every panel."""
+    open_notebook(page, lab, name)
+    if "image/png" in json.dumps(lab.saved(name)):
+        assert until(
+            lambda: page.locator(".jp-OutputArea img").count() > 0 or walk(page)
+        )  # pictures are there before anything is run
+    assert (
+        page.locator(".labkit-panel").count() == 0
+        and "model not found" not in page.locator(".jp-Notebook").inner_text()
+    )
+    run_all(page)
+    made = panels(
+        page,
+        any(
+            "explore(" in source(cell)
+            for cell in lab.saved(name)["cells"]
+            if cell["cell_type"] == "code"
+        ),
+    )
+    assert failures(page) == []
+    for panel in made:
+        remember(panel)
+        first = pictures(page, panel, 1)
+        # A hand, too, takes a slider again when the page moved under it
+        assert until(lambda panel=panel, first=first: drag(page, panel, 0.9) > first, 10)
+        if not changed(panel) > 0.001:  # the default may be at that place
+            drag(page, panel, 0.1)
+        if not changed(panel) > 0.001:  # a star's rate does not bend its rays
+            drag(page, panel, 0.9, slider=1)
+        assert changed(panel) > 0.001
+        assert panel.locator(".labkit-error").count() == 0, panel.locator(
+            ".labkit-verdict"
+        ).inner_text()
+    assert failures(page) == [] and page.problems == []

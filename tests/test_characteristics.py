@@ -574,3 +574,12 @@ def test_the_force_at_rest_is_a_short_formula():
     for t in (0.1, 0.6, 2.0):
         found = float(held.subs(at | {shown.t: t}))
         assert found == pytest.approx(min(max(sin(2.0 * t), 0.0), 1.5))
+
+
+def test_values_found_right_do_not_speak_for_others():
+    relay, p = characteristic("relay with hysteresis"), {"K": 1.0, "a": 0.4}
+    assert relay(1.0, p) == 1.0
+    p["a"] = -0.2  # the same dict
+    with pytest.raises(ModelError, match="branches cross"):
+        relay(1.0, p)
+    assert relay(1.0, p | {"a": 0.3}) == 1.0

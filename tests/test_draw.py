@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_rgb
 from matplotlib.font_manager import FontProperties
@@ -1499,6 +1501,29 @@ def test_words_and_lines_are_measured_as_matplotlib_does():
     assert other.get_text_width_height_descent("many words", prop, False)[0] > 0
 
 
+def test_ticks_are_found_once_in_a_drawing_and_are_those_of_matplotlib(monkeypatch):
+    def made():
+        fig = figure(2, 1, sharex=True, title="two")
+        for k, axes in enumerate(fig.axes):
+            axes.plot([0, 1], [0, 1e6 * k + 1])
+            axes.set(title="a title", xlabel="$t$", ylabel="$x$", aspect="auto" if k else 0.5)
+        first = fig.png()
+        fig.axes[0].set_ylim(0, 7)  # what is new is seen
+        return fig, [first, fig.png(), fig.axes[0].get_tightbbox().bounds]
+
+    fig, ours = made()
+    found, find = [], Axis._update_ticks
+    monkeypatch.setattr(Axis, "_update_ticks", lambda axis: found.append(axis) or find(axis))
+    for axes in fig.axes:
+        axes.draw(fig.canvas.get_renderer())
+    assert len(found) == len(set(found)) == 4
+    for name in ("draw", "get_tightbbox"):
+        monkeypatch.setattr(type(fig.axes[0]), name, getattr(Axes, name))
+    theirs = made()[1]
+    assert [one == other for one, other in zip(ours, theirs, strict=True)] == [True] * 3
+    assert ours[0] != ours[1]
+
+
 def test_a_canvas_keeps_its_renderer_until_its_size_changes():
     fig = figure()
     first = fig.canvas.get_renderer()
@@ -1514,6 +1539,7 @@ def test_private_names_of_matplotlib_stand_in_one_file():
         "_get_font_height",
         "_lastKey",
         "_get_tick_label_size",
+        "_update_ticks",
         "_unscaled_dash",
         "_left_title",
         "_set_title_offset_trans",

@@ -275,6 +275,25 @@ def test_one_helper_with_two_fixed_numbers_gives_two_definitions():
     assert r"\mathrm{hysteresis}\left(x, v, a, -1\right) &= \begin{cases}" in text
 
 
+def test_a_helper_is_walked_once_for_arguments_of_one_kind():
+    walks = []
+
+    def helper(x, side):
+        walks.append(side)
+        return side * x if x > 0 else -x
+
+    def flow(t, s, p):
+        return helper(s.x, 1) + 2 * helper(s.v - 1, 1) + helper(s.x * s.v, 2)
+
+    system = system_of(flow)
+    walks.clear()  # what a System tries when it is made
+    made = equations(system)
+    e = made.flows["only"]["v"]
+    assert walks == [1, 1, 2, 2]  # both ways, once for each fixed number
+    assert e.subs({made.states["x"]: 3, made.states["v"]: -1}) == 3 + 2 * 2 + 3
+    assert r"\mathrm{helper}\left(v - 1, 1\right)" in made._repr_markdown_()
+
+
 def test_words_of_transitions():
     def up(t, s, p):
         return s.x - p.k
@@ -632,6 +651,34 @@ def test_a_condition_in_a_mode_diagram_is_large_enough_to_read():
     system = System("far", {"x": ""}, {"k": 1.0}, modes, [guard], start={"x": 0.0})
     (condition,) = (t.get_text() for t in mode_diagram(system).axes[0].texts if "$" in t.get_text())
     assert "left" not in condition and "dfrac" in condition
+
+
+def test_a_mode_diagram_traces_the_guards_alone():
+    seen = []
+
+    def told(what, value):
+        return lambda t, s, p: seen.append(what) or value(s)
+
+    system = System(
+        "test",
+        {"x": "m"},
+        modes=[Mode("a", told("flow", lambda s: (1.0,)))],
+        transitions=[
+            Transition(
+                "a",
+                "a",
+                guard=told("guard", lambda s: s.x - 1),
+                reset=told("reset", lambda s: (0.0,)),
+            )
+        ],
+        outputs={"y": Output(told("output", lambda s: s.x))},
+        start={"x": 0.0},
+    )
+    seen.clear()
+    mode_diagram(system)
+    assert seen == ["guard"]
+    equations(system)._repr_markdown_()
+    assert set(seen) == {"flow", "guard", "reset", "output"}
 
 
 def test_mode_diagram_shows_conditions_and_is_the_same_every_time():

@@ -22,7 +22,7 @@ from typing import Any
 
 import matplotlib.figure
 import numpy as np
-from matplotlib import patheffects, rc_context
+from matplotlib import patheffects, rc_context, rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -35,7 +35,7 @@ from ..arguments import asked
 from ..model import ModelError, System
 from ..run import write_whole
 from ..show import latex_name
-from .private import Canvas, retitle, size_of_words, title_size
+from .private import Canvas, retitle, size_of_words, ticks_once, title_size
 from .ticks import Between, Numbers, Spaced
 from .words import MODE, described
 
@@ -156,6 +156,14 @@ class HouseAxes(Axes):
             super().clear()
         self._space("x")
         self._space("y")
+
+    def draw(self, renderer: Any) -> None:
+        with ticks_once(self):
+            super().draw(renderer)
+
+    def get_tightbbox(self, *arguments: Any, **options: Any) -> Any:
+        with ticks_once(self):
+            return super().get_tightbbox(*arguments, **options)
 
     def tidy(self) -> bool:
         """Fits what has a size into axes that have another now; True where that moves axes."""
@@ -365,6 +373,9 @@ class Figure(matplotlib.figure.Figure):
         return {"image/png": self.png()}, {"image/png": more}
 
 
+_BYTES = np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
+
+
 def _palette_png(rgb: Image.Image) -> bytes:
     """As many colours as fit into PNG_BYTES, of 128, 64, 32, 20 (and with 20 whatever it takes).
 
@@ -372,42 +383,32 @@ def _palette_png(rgb: Image.Image) -> bytes:
     small, before the shades at the rims of letters. The others come from maximum coverage, which
     keeps the hue of a single thin line where median cut spends the palette on shades.
     """
-    key = np.asarray(rgb, dtype=np.int32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
-    within = key[1:-1, 1:-1]  # pixels like their four neighbours
-    area = np.logical_and.reduce(
-        [
-            within == key[y : y + len(within), x : x + within.shape[1]]
-            for y, x in ((0, 1), (2, 1), (1, 0), (1, 2))
-        ]
-    )
-    wide = dict(
-        zip(*(part.tolist() for part in np.unique(within[area], return_counts=True)), strict=True)
-    )
-    counted = sorted(
-        rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height),
-        key=lambda pair: (
-            -wide.get(pair[1][0] << 16 | pair[1][1] << 8 | pair[1][2], 0),
-            -pair[0],
-            pair[1],
-        ),
-    )
-    found = np.array([color for _, color in counted], dtype=np.int32)
-    place = np.zeros(
-        1 << 24, dtype=np.uint8
-    )  # palette index of each colour; Pillow's own mapping is good to 2 bits only: white turns grey
-    each = Image.fromarray(
-        found.astype(np.uint8)[None]
-    )  # every colour once is enough for maximum coverage
+    counted = rgb.getcolors(1 << 16) or rgb.getcolors(rgb.width * rgb.height)
+    counts, found = (np.array(part, dtype=np.int32) for part in zip(*counted, strict=True))
+    # Pillow's own mapping is good to 2 bits only: white turns grey
+    place = np.zeros(1 << 24, dtype=np.uint16 if len(found) <= 1 << 16 else np.int32)
+    place[found @ _BYTES] = np.arange(len(found))
+    which = place[np.asarray(rgb, dtype=np.int32) @ _BYTES]  # the colour of each pixel
+    within = which[1:-1, 1:-1]
+    area = (within == which[:-2, 1:-1]) & (within == which[2:, 1:-1])
+    area &= (within == which[1:-1, :-2]) & (within == which[1:-1, 2:])
+    wide = np.bincount(within[area], minlength=len(found))  # pixels like their four neighbours
+    order = np.lexsort((*found.T[::-1], -counts, -wide))
+    found, rank = found[order], np.argsort(order)
+    # every colour once is enough for maximum coverage
+    each = Image.fromarray(found.astype(np.uint8)[None])
     for colors in (128, 64, 32, 20):
         rest = each.quantize(colors // 2, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
         table = np.concatenate(
             [found[: colors // 2], np.array(rest, dtype=np.int32).reshape(-1, 3)[: colors // 2]]
         )
-        for part in np.array_split(found, len(found) // 4096 + 1):
-            place[part @ [1 << 16, 1 << 8, 1]] = (
-                ((part[:, None, :] - table) ** 2).sum(axis=2).argmin(axis=1)
+        nearest = [
+            sum(np.subtract.outer(*pair) ** 2 for pair in zip(part.T, table.T, strict=True)).argmin(
+                1
             )
-        picture = Image.fromarray(place[key], "P")
+            for part in np.array_split(found, len(found) // 4096 + 1)
+        ]
+        picture = Image.fromarray(np.concatenate(nearest).astype(np.uint8)[rank][which], "P")
         picture.putpalette(table.astype(np.uint8).tobytes())
         out = io.BytesIO()
         picture.save(out, "PNG", compress_level=7)  # 9 takes five times as long for 5 % less
@@ -473,11 +474,16 @@ def style() -> Iterator[None]:
     One thread at a time: Jupyter lets panels answer in a thread of their own while a cell draws,
     and rcParams belong to all.
     """
-    with _one_at_a_time, rc_context({**STYLE, "axes.prop_cycle": matplotlib.cycler(color=COLORS)}):
-        yield
+    with _one_at_a_time:
+        if rcParams["axes.prop_cycle"] is _CYCLE:  # within another `with style()`
+            yield
+        else:
+            with rc_context({**STYLE, "axes.prop_cycle": _CYCLE}):
+                yield
 
 
 _one_at_a_time = threading.RLock()
+_CYCLE = matplotlib.cycler(color=COLORS)
 
 
 @asked

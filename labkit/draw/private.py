@@ -5,6 +5,8 @@ Each has a test in tests/test_draw.py; pyproject.toml bounds the versions for wh
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -25,6 +27,7 @@ __all__ = [
     "retitle",
     "size_of_words",
     "tick_size",
+    "ticks_once",
     "title_size",
 ]
 
@@ -69,6 +72,35 @@ def retitle(axes: Axes, words: str, pad: float | None = None) -> None:
 def tick_size(axis: Any) -> float:
     """The size of the numbers on an axis, in points."""
     return float(axis._get_tick_label_size(axis.axis_name))
+
+
+@contextmanager
+def ticks_once(axes: Axes) -> Iterator[None]:
+    """with ticks_once(axes): where its ticks are and how large their numbers, found out only once.
+
+    For one drawing or measuring of the axes Matplotlib does it four times, for the labels, the
+    title and each spine anew.
+    """
+    found = "_update_ticks", "_get_ticklabel_bboxes"
+    changed = [axis for axis in (axes.xaxis, axes.yaxis) if not vars(axis).keys() & set(found)]
+    for axis in changed:
+        vars(axis).update({name: _once(getattr(axis, name)) for name in found})
+    try:
+        yield
+    finally:
+        for axis in changed:
+            for name in found:
+                del vars(axis)[name]
+
+
+def _once(function: Callable[..., Any]) -> Callable[..., Any]:
+    results: list[Any] = []
+
+    def call(*arguments: Any) -> Any:
+        results or results.append(function(*arguments))
+        return results[0]
+
+    return call
 
 
 class Renderer(RendererAgg):
