@@ -73,7 +73,7 @@ def test_it_is_small(name):
             assert len(base64.b64decode(output["data"]["image/png"])) <= 60_000
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS)
+@pytest.mark.parametrize("name", [*ASSIGNMENTS, "guide"])
 def test_it_has_the_nine_steps_in_order(name):
     text = "\n".join(
         source(cell) for cell in read(name)["cells"] if cell["cell_type"] == "markdown"
@@ -83,7 +83,7 @@ def test_it_has_the_nine_steps_in_order(name):
     )
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS)
+@pytest.mark.parametrize("name", [*ASSIGNMENTS, "guide"])
 def test_it_states_system_and_horizon_before_the_first_picture_but_a_sketch(name):
     known: set[str] = set()
     for cell in code_cells(read(name)):
@@ -121,7 +121,7 @@ def test_a_concept_has_its_own_headings_numbered_and_a_prediction(name):
     assert "> **Predict" in text
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS + CONCEPTS)
+@pytest.mark.parametrize("name", [*ASSIGNMENTS, *CONCEPTS, "guide"])
 def test_it_has_a_panel_and_answers_that_nbval_compares(name):
     cells = code_cells(read(name))
     checked = [cell for cell in cells if "# NBVAL_CHECK_OUTPUT" in source(cell)]
