@@ -340,8 +340,10 @@ function render({ model, el }) {
   };
   const layer = (target, ids, draft) => {
     const { size: [width, height], zoom = 1 } = newest;
-    const fits = target.width === width && target.height === height;
-    if (!fits) Object.assign(target, { width, height });
+    if (target.width !== width || target.height !== height) {
+      Object.assign(target, { width, height });
+      room.style.setProperty("--shape", width / height);
+    }
     const context = target.getContext("2d", { alpha: false });
     if (base) context.drawImage(base, 0, 0, width, height);
     for (const id of ids) for (const op of parts[id]) draw(context, op, zoom, draft);
