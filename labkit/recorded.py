@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .draw.figure import CSS_DPI, STYLE
 from .model import ModelError
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ MIME = "application/vnd.labkit.recording"
 POSITIONS, INSTANTS = 21, 100
 RATIO = 2.0  # device pixels to one CSS pixel: sharp on a tablet too
 GRID = 4  # parts of a pixel that a point is rounded to
+ROOM = 848  # CSS pixels that a page has for a picture, and the part of a picture's width that
+BESIDE = 0.7  # is shown at least; what is wider has large type, as a panel on a narrow page
+LEGIBLE = 8.5  # CSS pixels of the smallest letters: smaller, and the picture is scrolled sideways
 FAR = 16383  # the most of them from the corner of the picture, so that differences are short
 NEW_STROKE = -32768  # as the difference of x: then y says if the stroke is closed
 SAID = (
@@ -52,6 +56,7 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
         if one.only != ("adaptive" if fixed else "fixed")
     ]
     store, frames = _Store(), []
+    panel._resize(min(ROOM / panel.spec["width"], BESIDE))
 
     def keep(values: dict[str, Any]) -> int:
         panel._as_at_first()  # limits that follow the data calmly would show what came before
@@ -81,6 +86,8 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
             frames.append(store.frame(panel))
             instants.append([t, len(frames) - 1])
     panel._cursor({"t": None})
+    letters = panel.scene.zoom * STYLE["xtick.labelsize"] * CSS_DPI / 72
+    panel._resize(1.0)
     panel.scene.forget()  # nobody has seen these pictures
     spec = panel.spec | {
         "controls": [asdict(one) for one in controls],
@@ -88,6 +95,7 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
         "buttons": [one for one in panel.spec["buttons"] if one[0] in ("play", "reset", "full")],
         "download": True,
         "recorded": True,
+        "least": round(panel.spec["width"] * min(LEGIBLE / letters, 1)),
         "help": SAID,
     }
     head = {
