@@ -294,13 +294,21 @@ class Figure(matplotlib.figure.Figure):
     def arrange(self) -> None:
         """Lays the axes out, and what depends on their sizes: legends, titles, mode diagrams.
 
-        Three times are enough: each takes the axes from where the one before has put them.
+        Each time takes the axes from where the one before has put them. Three are enough, but for
+        axes of one scale, which come to their place by and by.
         """
-        for _ in range(0 if self.frozen else 3):
-            if self.axes and (engine := self.get_layout_engine()) is not None:
+        engine = None if self.frozen or not self.axes else self.get_layout_engine()
+        places = self._places()
+        for k in range(0 if self.frozen else 9):
+            if engine is not None:
                 engine.execute(self)
-            if not any([axes.tidy() for axes in self.axes if isinstance(axes, HouseAxes)]):
+            moved = any([axes.tidy() for axes in self.axes if isinstance(axes, HouseAxes)])
+            before, places = places, self._places()
+            if not (moved and k < 2) and np.allclose(places, before, atol=0.004):
                 break
+
+    def _places(self) -> list[tuple[float, float, float, float]]:
+        return [axes.get_position().bounds for axes in self.axes]
 
     def add_subplot(self, *arguments: Any, **options: Any) -> Axes:
         """fig.add_subplot(projection="polar"): as Matplotlib's, in the house style."""
