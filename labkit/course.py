@@ -285,6 +285,7 @@ def choose(number: int = 1) -> None:
             return {**super()._repr_mimebundle_(**options), "text/html": words}
 
     copies = widgets.Button(description="Make my own copies", tooltip="of its three notebooks")
+    copies.layout.width = "auto"  # as wide as its words
     said = widgets.HTML()
     copies.on_click(lambda _: setattr(said, "value", _copied(slider.value)))
     display(slider)
