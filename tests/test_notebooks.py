@@ -18,6 +18,7 @@ from labkit.notebooks import (
     execute,
     execute_all,
     found,
+    in_one_line,
     pre_save_hook,
     strip,
 )
@@ -193,6 +194,13 @@ def test_a_notebook_run_twice_is_the_same_file_and_keeps_the_panels_picture_only
         and "version" not in json.loads(first)["metadata"]["language_info"]
     )
     assert execute(path).read_bytes() == first
+
+
+def test_an_error_is_named_by_a_line_of_words():
+    """The text of a cell that had too little time ends with a rule."""
+    assert in_one_line(TimeoutError("A cell timed out.\nx = 1\n-------\n")) == "x = 1"
+    assert in_one_line(ValueError("-----\nfirst\nlast"), first=True) == "first"
+    assert in_one_line(KeyError()) == "KeyError"
 
 
 def test_a_notebook_that_fails_is_left_as_it_was(saved, capsys):
