@@ -446,7 +446,7 @@ class Panel(anywidget.AnyWidget):
                 vars(one).get("given", one.get_fontsize()) for one in words if one.get_visible()
             ]
             least = min(sizes, default=9.5)  # not of words made smaller for want of room
-            zoom = min(max(20 / (least * CSS_DPI / 72 * max(scale, 0.01)), zoom), 2.4)
+            zoom = min(max(20 / (least * CSS_DPI / 72 * max(scale, 0.01)), zoom), 2.6)
         if abs(zoom - self.scene.zoom) > 0.01 or self.figure.steady != self.tall:
             self.scene.zoom, self.tall = zoom, self.figure.steady
             width, height = ((1 + 1e-9) * side / zoom for side in self.inches)

@@ -1267,6 +1267,31 @@ def crowd(fig, count):
     head(fig.axes[0], "the title of it", lines)
 
 
+def test_a_legend_stays_off_the_head_of_a_lower_neighbour():
+    """Axes of one scale end below those beside them, and their heads stand as high as these end."""
+    fig = figure(1, 3, width=5.6, height=2.6)
+    for axes in fig.axes:
+        axes.set(xlim=(-5, 5), ylim=(-5, 5), xlabel="$s_1$ [rad/s]", ylabel="$s_2$ [rad]")
+    for axes, names in zip(fig.axes, ["at", "e", "sf"], strict=True):
+        named = {
+            "a": "angle",
+            "t": "at rest",
+            "e": "eigenvectors",
+            "s": "simulated",
+            "f": "forbidden",
+        }
+        lines = [(axes.plot([0, 1])[0], named[name]) for name in names]
+        title = {"a": "door", "e": "z-plane: canonical", "s": "s-plane"}[names[0]]
+        if title != "door":
+            axes.set_aspect("equal")
+        head(axes, title, lines)
+    fig.png()
+    one, other = fig.axes[:2]
+    assert other.bbox.y1 < one.bbox.y1
+    words = [heading(other).get_window_extent(), other.get_legend().get_window_extent()]
+    assert not any(box.overlaps(one.get_legend().get_window_extent()) for box in words)
+
+
 def test_axes_of_one_scale_leave_the_words_around_them_in_the_picture():
     """Made smaller they find their place by and by: each layout counts on the empty room before."""
     fig = figure(1, 3, width=11.5, height=4.1)

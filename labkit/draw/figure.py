@@ -613,7 +613,8 @@ def _room(axes: Axes) -> tuple[float, float, float]:
     for other in figure.axes:
         left, low, _, top = other.get_position().extents * scale
         headed = other.get_title("left") or other.get_title() or other.get_legend()
-        if left > x1 and low < y1 + 0.3 and (top > y1 + 0.1 or (top > y1 - 0.1 and headed)):
+        over = top + max(getattr(other, "crown", (0.0, 0.0))[1], 0.1) if headed else top - 0.1
+        if left > x1 and low < y1 + 0.3 and over > y1:
             reach = min(reach, left - x0 - 0.1)
     return x1 - x0 + beyond, max(reach, x1 - x0), y1 - y0 + high
 
