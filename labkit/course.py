@@ -264,6 +264,7 @@ def choose(number: int = 1) -> None:
     )
     words = "<p><i>A button for copies of your own is here when the cell has run.</i></p>"
     copies = widgets.Button(description="Make my own copies", tooltip="of its three notebooks")
+    copies.layout.width = "auto"  # as wide as its words
     said = widgets.HTML()
     copies.on_click(lambda _: setattr(said, "value", _copied(slider.value)))
     display(slider)

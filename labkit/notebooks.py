@@ -146,7 +146,8 @@ def _package() -> bytes:
 
 def in_one_line(error: BaseException, first: bool = False) -> str:
     """in_one_line(error) -> the last line of its text, which in a cell's traceback names it."""
-    lines = re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().splitlines()
+    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip("- ")]  # and no rules
     return lines[0 if first else -1] if lines else type(error).__name__
 
 

@@ -229,7 +229,8 @@ function render({ model, el }) {
   const verdict = live("labkit-verdict", stopped, opinion, trouble);
   const stage = make("div", "labkit-stage", canvas, reading, verdict);
   const [side, foot] = [make("div", "labkit-side"), make("div", "labkit-foot")];
-  const style = `--w: ${Math.floor(spec.width)}px; --shape: ${spec.width / spec.height}`;
+  const style = `--w: ${Math.floor(spec.width)}px; --shape: ${spec.width / spec.height}; ` +
+    `--least: ${spec.least || 0}px`;
   const room = make("fieldset", { className: "labkit-room", style }, stage, side, foot);
   el.classList.add("labkit-panel");
   el.append(room);
@@ -340,8 +341,10 @@ function render({ model, el }) {
   };
   const layer = (target, ids, draft) => {
     const { size: [width, height], zoom = 1 } = newest;
-    const fits = target.width === width && target.height === height;
-    if (!fits) Object.assign(target, { width, height });
+    if (target.width !== width || target.height !== height) {
+      Object.assign(target, { width, height });
+      room.style.setProperty("--shape", width / height);
+    }
     const context = target.getContext("2d", { alpha: false });
     if (base) context.drawImage(base, 0, 0, width, height);
     for (const id of ids) for (const op of parts[id]) draw(context, op, zoom, draft);
@@ -576,6 +579,7 @@ function render({ model, el }) {
     side.append(make("fieldset", "labkit-group", make("legend", "", group), grid));
   }
   if (!side.firstChild) room.classList.add("labkit-bare");
+  room.classList.toggle("labkit-wide", spec.least > 540); // no room for sliders beside it
   const [bar, note, buttons] = [make("div", "labkit-bar"), live("labkit-note labkit-said"), {}];
   const tell = (text) => Object.assign(note, { textContent: text, title: text });
   const mark = () => { // what the buttons say of the panel's state, whoever has changed it

@@ -54,6 +54,7 @@ __all__ = ["Control", "Panel", "explore"]
 MOST = 3_000_000  # bytes of points; a picture with more of them is sent as a bitmap
 KINDS = {"ready", "set", "drag", "limits", "start", "clear", "cursor", "hold", "large", "undo"}
 METHOD, RTOL = "DOP853", 1e-8  # what explore begins with
+WIDEST = 1.9  # width over height of the place for a picture in a classroom, of 1280 × 720 pixels
 
 
 class Panel(anywidget.AnyWidget):
@@ -104,7 +105,7 @@ class Panel(anywidget.AnyWidget):
         self.limits = {axes: (axes.get_xlim(), axes.get_ylim()) for axes in self.figure.axes}
         self.kept, self.past = self.values, []  # settings after the last change, and before it
         self.held, self.t = False, None
-        self.inches = tuple(self.figure.get_size_inches())
+        self.inches, self.tall = tuple(self.figure.get_size_inches()), False
         self.stopped, self.words = self._judge(run)
         width, height = (float(CSS_DPI * inches) for inches in self.inches)
         moves = bool(self.shows) or any(
@@ -415,16 +416,23 @@ class Panel(anywidget.AnyWidget):
     def _resize(self, scale: float) -> None:
         """Type and lines relative to the picture, which the page shows at `scale`.
 
-        Larger where the picture is small; in a classroom the smallest word is 20 pixels high.
+        Larger where the picture is small; in a classroom the smallest word is 20 pixels high, and
+        a low picture takes the height that a projector has for it.
         """
         zoom = min(max(0.85 / max(scale, 0.01), 1.0), 1.6)
         if self.figure.steady:
             words = [text for text in self.figure.findobj(Text) if text.get_text()]
-            least = min((text.get_fontsize() for text in words if text.get_visible()), default=9.5)
-            zoom = min(max(20 / (least * CSS_DPI / 72 * max(scale, 0.01)), zoom), 2.4)
-        if abs(zoom - self.scene.zoom) > 0.01:
-            self.scene.zoom = zoom
-            self.figure.set_size_inches(*((1 + 1e-9) * side / zoom for side in self.inches))
+            sizes = [
+                vars(one).get("given", one.get_fontsize()) for one in words if one.get_visible()
+            ]
+            least = min(sizes, default=9.5)  # not of words made smaller for want of room
+            zoom = min(max(20 / (least * CSS_DPI / 72 * max(scale, 0.01)), zoom), 2.6)
+        if abs(zoom - self.scene.zoom) > 0.01 or self.figure.steady != self.tall:
+            self.scene.zoom, self.tall = zoom, self.figure.steady
+            width, height = ((1 + 1e-9) * side / zoom for side in self.inches)
+            if self.tall and height < width / WIDEST:
+                height = _tall(self.figure, width, height, width / WIDEST)
+            self.figure.set_size_inches(width, height)
 
     def _data(self, axes: Any, message: dict) -> tuple[float, float]:
         """Pixels of the picture that the page shows -> data coordinates."""
@@ -552,6 +560,18 @@ class Panel(anywidget.AnyWidget):
         else:
             getattr(self.run, f"to_{what}")(path)
         return paths
+
+
+def _tall(figure: Any, width: float, low: float, high: float) -> float:
+    """The least height with which axes of one scale are as large as they can be; others: all."""
+    square = [ax for ax in figure.axes if ax.axison and ax.get_aspect() != "auto"]
+    sides = {}
+    for height in np.linspace(low, high, 6 if square else 1).tolist():
+        figure.set_size_inches(width, height)
+        figure.arrange()
+        sides[height] = min((ax.get_position().height * height for ax in square), default=0.0)
+    most = max(sides.values())
+    return next(height for height, side in sides.items() if side >= 0.97 * most) if most else high
 
 
 class Own(float):

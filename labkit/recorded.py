@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .draw.figure import CSS_DPI, STYLE
 from .model import ModelError
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ MIME = "application/vnd.labkit.recording"
 POSITIONS, INSTANTS = 21, 100
 RATIO = 2.0  # device pixels to one CSS pixel: sharp on a tablet too
 GRID = 4  # parts of a pixel that a point is rounded to
+ROOM = 848  # CSS pixels that a page has for a picture, and the part of a picture's width that
+BESIDE = 0.7  # is shown at least; what is wider has large type, as a panel on a narrow page
+LEGIBLE = 8.5  # CSS pixels of the smallest letters: smaller, and the picture is scrolled sideways
 FAR = 16383  # the most of them from the corner of the picture, so that differences are short
 NEW_STROKE = -32768  # as the difference of x: then y says if the stroke is closed
 SAID = (
@@ -45,6 +49,7 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
     """
     controls = [_coarse(one, positions) for one in panel.shown()]
     store, frames = _Store(), []
+    panel._resize(min(ROOM / panel.spec["width"], BESIDE))
 
     def keep(values: dict[str, Any]) -> int:
         panel._as_at_first()  # limits that follow the data calmly would show what came before
@@ -74,12 +79,16 @@ def record(panel: Panel, positions: int = POSITIONS) -> bytes:
             frames.append(store.frame(panel))
             instants.append([t, len(frames) - 1])
     panel._cursor({"t": None})
+    letters = panel.scene.zoom * STYLE["xtick.labelsize"] * CSS_DPI / 72
+    panel._resize(1.0)
     panel.scene.forget()  # nobody has seen these pictures
     buttons = [one for one in panel.spec["buttons"] if one[0] in ("play", "reset", "full")]
+    least = round(panel.spec["width"] * min(LEGIBLE / letters, 1))
     spec = {"controls": [asdict(one) for one in controls], "buttons": buttons, "handles": []}
-    spec = panel.spec | spec | {"download": True, "recorded": True, "help": SAID}
-    head = {"spec": spec, "ratio": RATIO, "grid": GRID, "frames": frames, "first": first}
-    return store.packed(head | {"sliders": sliders, "presets": presets, "instants": instants})
+    spec |= {"download": True, "recorded": True, "help": SAID, "least": least}
+    head = {"spec": panel.spec | spec, "ratio": RATIO, "grid": GRID, "frames": frames}
+    head |= {"first": first, "sliders": sliders, "presets": presets, "instants": instants}
+    return store.packed(head)
 
 
 def _coarse(control: Control, positions: int) -> Control:

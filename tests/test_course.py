@@ -190,6 +190,7 @@ def test_chooser_follows_its_slider_and_leaves_a_table_behind(folder, tmp_path, 
     slider = shown[0]
     assert shown[1] == project(13)
     button, said = shown[2].children
+    assert button.layout.width == "auto"  # 148 pixels, as it is otherwise, cut its words
     slider.value = 6
     assert shown[3:] == [project(6)]
     made = []

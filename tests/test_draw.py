@@ -1269,6 +1269,47 @@ def crowd(fig, count):
     head(fig.axes[0], "the title of it", lines)
 
 
+def test_a_legend_stays_off_the_head_of_a_lower_neighbour():
+    """Axes of one scale end below those beside them, and their heads stand as high as these end."""
+    fig = figure(1, 3, width=5.6, height=2.6)
+    for axes in fig.axes:
+        axes.set(xlim=(-5, 5), ylim=(-5, 5), xlabel="$s_1$ [rad/s]", ylabel="$s_2$ [rad]")
+    for axes, names in zip(fig.axes, ["at", "e", "sf"], strict=True):
+        named = {
+            "a": "angle",
+            "t": "at rest",
+            "e": "eigenvectors",
+            "s": "simulated",
+            "f": "forbidden",
+        }
+        lines = [(axes.plot([0, 1])[0], named[name]) for name in names]
+        title = {"a": "door", "e": "z-plane: canonical", "s": "s-plane"}[names[0]]
+        if title != "door":
+            axes.set_aspect("equal")
+        head(axes, title, lines)
+    fig.png()
+    one, other = fig.axes[:2]
+    assert other.bbox.y1 < one.bbox.y1
+    words = [heading(other).get_window_extent(), other.get_legend().get_window_extent()]
+    assert not any(box.overlaps(one.get_legend().get_window_extent()) for box in words)
+
+
+def test_axes_of_one_scale_leave_the_words_around_them_in_the_picture():
+    """Made smaller they find their place by and by: each layout counts on the empty room before."""
+    fig = figure(1, 3, width=11.5, height=4.1)
+    for k, axes in enumerate(fig.axes):
+        axes.set(xlim=(-3, 3), ylim=(-3, 3), xlabel="$s_1$ [km]", ylabel="$s_2$ [km]")
+        axes.set_aspect("equal")
+        head(axes, "z-plane: canonical", [(axes.plot([0, 1])[0], "eigenvectors")] * (k > 0))
+    fig.png()
+    for zoom in (1.57, 1.2, 1.6, 1.0):
+        fig.set_size_inches(11.5 / zoom, 4.1 / zoom)
+        fig.png()
+        for axes in fig.axes:
+            box = axes.get_tightbbox()
+            assert box.y0 > -1 and box.y1 < fig.bbox.y1 + 1, zoom
+
+
 @pytest.mark.parametrize("columns, count", [(1, 2), (1, 7), (2, 3)])
 def test_in_a_classroom_a_legend_leaves_the_axes_their_height(columns, count):
     """A panel 864 pixels wide on a page of 1280 × 720: 750 × 420 pixels, type twice as large."""

@@ -18,6 +18,7 @@ from labkit.notebooks import (
     execute,
     execute_all,
     found,
+    in_one_line,
     pre_save_hook,
     state,
     strip,
@@ -74,7 +75,7 @@ def test_it_is_small(name):
             assert len(base64.b64decode(output["data"]["image/png"])) <= 60_000
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS)
+@pytest.mark.parametrize("name", [*ASSIGNMENTS, "guide"])
 def test_it_has_the_nine_steps_in_order(name):
     text = "\n".join(
         source(cell) for cell in read(name)["cells"] if cell["cell_type"] == "markdown"
@@ -84,7 +85,7 @@ def test_it_has_the_nine_steps_in_order(name):
     )
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS)
+@pytest.mark.parametrize("name", [*ASSIGNMENTS, "guide"])
 def test_it_states_system_and_horizon_before_the_first_picture_but_a_sketch(name):
     known: set[str] = set()
     for cell in code_cells(read(name)):
@@ -122,7 +123,7 @@ def test_a_concept_has_its_own_headings_numbered_and_a_prediction(name):
     assert "> **Predict" in text
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS + CONCEPTS)
+@pytest.mark.parametrize("name", [*ASSIGNMENTS, *CONCEPTS, "guide"])
 def test_it_has_a_panel_and_answers_that_nbval_compares(name):
     cells = code_cells(read(name))
     checked = [cell for cell in cells if "# NBVAL_CHECK_OUTPUT" in source(cell)]
@@ -194,6 +195,13 @@ def test_a_notebook_run_twice_is_the_same_file_and_keeps_the_panels_picture_only
         and "version" not in json.loads(first)["metadata"]["language_info"]
     )
     assert execute(path).read_bytes() == first
+
+
+def test_an_error_is_named_by_a_line_of_words():
+    """The text of a cell that had too little time ends with a rule."""
+    assert in_one_line(TimeoutError("A cell timed out.\nx = 1\n-------\n")) == "x = 1"
+    assert in_one_line(ValueError("-----\nfirst\nlast"), first=True) == "first"
+    assert in_one_line(KeyError()) == "KeyError"
 
 
 def test_a_notebook_that_fails_is_left_as_it_was(saved, capsys):

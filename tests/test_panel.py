@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+import labkit
 from labkit import (
     Handle,
     Mode,
@@ -665,6 +666,51 @@ def test_a_modes_name_stays_in_its_box_or_is_alone(scale, on):
     assert all(word.get_visible() for word in lit.words.values())
 
 
+@pytest.mark.parametrize("square", [False, True])
+def test_in_a_classroom_a_low_picture_takes_the_height_of_the_room(square):
+    """Shown 870 pixels wide; axes of one scale have an end in their width, and no empty room."""
+
+    def draw(run):
+        fig = figure(1, 3, width=13.5, height=4.1)
+        for axes in fig.axes:
+            axes.set(xlabel="$x$ [m]", ylabel="$y$ [m]", title="the title of it")
+        if square:
+            fig.axes[1].set_aspect("equal")
+        return [time_plot(run, "x", axes=fig.axes[0], title="a title")]
+
+    hands = Browser(explore(oscillator(), 10.0, draw))
+    low = hands.tell(kind="ready", scale=870 / 1296)[0]["size"]
+    for _ in range(3):
+        answer, _ = hands.tell(kind="large", on=True, scale=870 / 1296)
+    width, height = answer["size"]
+    box = hands.panel.figure.axes[1].bbox
+    assert width == low[0]
+    if square:
+        assert low[1] < height < width / 1.9
+        assert box.height == pytest.approx(box.width, rel=0.01)
+        given = hands.panel.figure.axes[1].get_position(True)
+        assert box.width > 0.94 * given.width * width
+    else:
+        assert height == pytest.approx(width / 1.9, abs=1) and box.height > 0.7 * height
+    assert hands.tell(kind="large", on=False, scale=870 / 1296)[0]["size"] == low
+
+
+def test_words_made_smaller_for_want_of_room_do_not_make_all_others_larger():
+    """In a classroom the smallest word is 20 pixels high, and one that is too long goes below."""
+    words = {"words": {"fontsize": 13, "x": 0.0}}
+
+    def draw(run):
+        axes = figure(width=9).axes[0]
+        return labkit.curves(run, lambda run: {"words": "long " * 30}, axes=axes, styles=words)
+
+    hands = Browser(explore(oscillator(), 10.0, draw))
+    zooms = []
+    for _ in range(4):
+        hands.tell(kind="large", on=True, scale=0.9)
+        zooms.append(hands.panel.scene.zoom)
+    assert zooms == [zooms[0]] * 4 and zooms[0] < 2
+
+
 def test_the_cursor_tells_values_at_an_instant_in_all_axes(hands):
     answer, _ = hands.tell(kind="cursor", axes=0, **pixel(hands, 0, 3.0, 0.0))
     values = hands.panel.run.at(answer["t"])
@@ -746,7 +792,7 @@ def test_a_held_run_stays_as_a_ghost(hands):
     assert len(ghost.get_xdata()) == 0
 
 
-def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_the_axes(hands):
+def test_classroom_makes_letters_larger_in_a_picture_of_the_same_width_and_keeps_the_axes(hands):
     def tallest(answer):
         return max(
             op["image"][3]
@@ -765,7 +811,7 @@ def test_classroom_makes_letters_larger_in_a_picture_of_the_same_size_and_keeps_
     assert "order" in hands.tell(kind="large", on=True)[0]
     hands.picture(**{"start.x": 2.0})
     assert hands.panel.figure.axes[0].get_ylim() == limits
-    assert letters()[0] == size and letters()[1] > 1.25 * small
+    assert letters()[0][0] == size[0] and letters()[1] > 1.25 * small
     hands.tell(kind="large", on=False)
     assert letters() == (size, small)
     narrow, _ = hands.tell(

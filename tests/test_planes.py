@@ -11,6 +11,7 @@ from labkit import (
     ModelError,
     System,
     canonical,
+    family,
     matrix_a,
     matrix_b,
     planes,
@@ -136,6 +137,18 @@ def test_a_centre_closes_its_curves():
     curves, starts = flow_lines(canonical("centre", 1), 2.0)
     pieces = curves.reshape(len(starts), -1, 2)[:, :-1]
     assert np.allclose(pieces[:, 0], pieces[:, -1], atol=1e-9)
+
+
+def test_the_legend_names_eigenvectors_only_where_there_are_some_and_follows():
+    system, parts = family("unstable node", "rotation", lambda1=1.2, lambda2=0.3, phi=0.5)
+    view = planes(simulate(system, 1.0, backend="plain"), parts)
+    for values, there in (({}, True), ({"lambda1": 0.6, "lambda2": 0.6}, False), ({}, True)):
+        view.update(simulate(system, 1.0, backend="plain", **values))
+        legend = view.axes[0].get_legend()
+        names = [text.get_text() for text in legend.get_texts()] if legend else []
+        assert names == ["eigenvectors"] * there, values
+    view.update(simulate(system, 1.0, backend="plain"))
+    assert not view.relimited
 
 
 def test_the_plane_is_named_by_its_states_and_forbidden_is_said_where_it_is_seen():

@@ -70,6 +70,7 @@ def test_frames_are_the_pictures_of_the_panel():
     assert one.values == one.defaults and one.t is None
     for value, number in head["sliders"]["start.x"][::5]:
         other._as_at_first()
+        other._resize(0.7)
         other._show(other.defaults | {"start.x": value})
         message, (floats, _) = other._picture(RATIO, True, True)
         frame = head["frames"][number]
@@ -78,6 +79,26 @@ def test_frames_are_the_pictures_of_the_panel():
         kept = np.concatenate([points[part] for _, part in frame["order"]])
         np.testing.assert_array_equal(np.isnan(shown), np.isnan(kept))
         np.testing.assert_allclose(kept, shown, atol=0.51 / head["grid"])
+
+
+def test_the_letters_of_a_wide_picture_are_legible_on_a_page_and_on_a_phone(browser, tmp_path):
+    shown = explore(system, 8.0, lambda run: time_plot(run, "x", width=14.0), method=False)
+    inches = tuple(shown.figure.get_size_inches())
+    place = tmp_path / "wide.html"
+    place.write_text(page_of(shown), encoding="utf-8")
+    assert tuple(shown.figure.get_size_inches()) == pytest.approx(inches)  # as before
+    for width, least in ((864, 10.0), (390, 8.4)):
+        context = browser.new_context(viewport={"width": width, "height": 768})
+        page = context.new_page()
+        page.goto(place.as_uri())
+        page.locator("canvas[data-seq]").wait_for()
+        boxes = [page.locator(part).bounding_box() for part in ("canvas", ".labkit-side")]
+        letters = 9.5 * 96 / 72 * (0.85 / (848 / 1344)) * boxes[0]["width"] / 1344
+        assert letters >= least, width
+        assert boxes[1]["y"] >= boxes[0]["y"] + boxes[0]["height"]  # sliders below, and in view:
+        assert boxes[1]["x"] + boxes[1]["width"] <= width
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        context.close()
 
 
 def test_positions_go_from_end_to_end_through_the_first_value():

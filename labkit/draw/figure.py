@@ -302,13 +302,21 @@ class Figure(matplotlib.figure.Figure):
     def arrange(self) -> None:
         """Lays the axes out, and what depends on their sizes: legends, titles, mode diagrams.
 
-        Three times are enough: each takes the axes from where the one before has put them.
+        Each time takes the axes from where the one before has put them. Three are enough, but for
+        axes of one scale, which come to their place by and by.
         """
-        for _ in range(0 if self.frozen else 3):
-            if self.axes and (engine := self.get_layout_engine()) is not None:
+        engine = None if self.frozen or not self.axes else self.get_layout_engine()
+        places = self._places()
+        for k in range(0 if self.frozen else 9):
+            if engine is not None:
                 engine.execute(self)
-            if not any([axes.tidy() for axes in self.axes if isinstance(axes, HouseAxes)]):
+            moved = any([axes.tidy() for axes in self.axes if isinstance(axes, HouseAxes)])
+            before, places = places, self._places()
+            if not (moved and k < 2) and np.allclose(places, before, atol=0.004):
                 break
+
+    def _places(self) -> list[tuple[float, float, float, float]]:
+        return [axes.get_position().bounds for axes in self.axes]
 
     def add_subplot(self, *arguments: Any, **options: Any) -> Axes:
         """fig.add_subplot(projection="polar"): as Matplotlib's, in the house style."""
@@ -611,7 +619,8 @@ def _room(axes: Axes) -> tuple[float, float, float]:
     for other in figure.axes:
         left, low, _, top = other.get_position().extents * scale
         headed = other.get_title("left") or other.get_title() or other.get_legend()
-        if left > x1 and low < y1 + 0.3 and (top > y1 + 0.1 or (top > y1 - 0.1 and headed)):
+        over = top + max(getattr(other, "crown", (0.0, 0.0))[1], 0.1) if headed else top - 0.1
+        if left > x1 and low < y1 + 0.3 and over > y1:
             reach = min(reach, left - x0 - 0.1)
     return x1 - x0 + beyond, max(reach, x1 - x0), y1 - y0 + high
 

@@ -100,15 +100,9 @@ class Planes(View):
         self._center: np.ndarray | None = None
         first, second = self.system.states
         self.shows = [Shows(self.axes[1], first, (second,))]
-        Lambda = self.parts(run.p)[0]
-        single = eigenlines(Lambda) and not _star(Lambda)
+        self._named: list | None = None  # in the legend of the z-plane
         self._bands = self._shade(allowed)
         with style():
-            head(
-                self.axes[0],
-                "z-plane: canonical",
-                [(self._sides[0].eigen, "eigenvectors")] if single else [],
-            )
             units = {self.system.unit(name) for name in (first, second)}
             of_z = f" [{units.pop()}]" if len(units) == 1 and units != {""} else ""
             self.axes[0].set(xlabel=f"$z_1${of_z}", ylabel=f"$z_2${of_z}")
@@ -183,11 +177,16 @@ class Planes(View):
                 reach,
                 self.reach[0] / 8,
             )
+        eigen = self._sides[0].eigen
+        named = [(eigen, "eigenvectors")] if len(eigen.get_xdata()) else []
         half = self.reach[1] / 2
-        self.relimited = self._center is None or bool(
-            np.abs(rest - self._center).max() > half
-        )  # seldom: it costs a new still part
-        if self.relimited:
+        moved = self._center is None or bool(np.abs(rest - self._center).max() > half)
+        self.relimited = moved or named != self._named  # seldom: it costs a new still part
+        if named != self._named:
+            self._named = named
+            with style():
+                head(self.axes[0], "z-plane: canonical", named)
+        if moved:
             self._center = half * np.round(rest / half)
             for ax, reach, (x, y) in zip(
                 self.axes, self.reach, ((0.0, 0.0), self._center), strict=True
