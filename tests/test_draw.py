@@ -1686,6 +1686,19 @@ def test_sketch_refuses_nonsense():
         s.characteristic((1, 1), "relais")
     with pytest.raises(ModelError, match="nothing to update"):
         s.update(None)
+    with pytest.raises(ModelError, match="side of a label is 'end', 'above' or 'below'"):
+        s.arrow((1, 1), (2, 1), "$F$", side="left")
+    with pytest.raises(ModelError, match="side of wall must be 'left' or 'right'"):
+        s.wall((1, 1), 2.0, side="up")
+    with pytest.raises(ModelError, match="label of text must be a text, not 5"):
+        s.text([1, 1], 5)
+    with pytest.raises(ModelError, match="width of block must be a number"):
+        s.block((1, 1), "wide", 1.0)
+    for piece in (s.line, s.connect):
+        with pytest.raises(ModelError, match="needs 2 points, not 1"):
+            piece((1, 1))
+    with pytest.raises(ModelError, match="draw of Motion must be a function of a sketch and s"):
+        Motion(figure().axes[0], lambda sketch: None)
 
 
 def test_a_point_from_a_named_tuple_or_array_is_fine():
