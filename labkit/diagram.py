@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -53,9 +54,7 @@ class _Arc:
     target: int
     text: Text | None
     dashed: bool = False
-    ends: list[float] = field(
-        default_factory=lambda: [0.0, 0.0]
-    )  # x where it leaves and where it arrives
+    ends: list[float] = field(default_factory=lambda: [0.0, 0.0])  # x where it leaves and arrives
     height: float = 0.0  # of its top over the boxes
     control: np.ndarray | None = None  # (4, 2) of its Bézier curve
     points: np.ndarray | None = None
@@ -103,19 +102,13 @@ def _nodes(axes: Axes, system: System) -> list[_Node]:
         if mode.meaning:
             texts.append(_text(axes, textwrap.fill(mode.meaning, 20), 8.5))
         sizes = [_size(text) for text in texts]
-        nodes.append(
-            _Node(
-                max(0.9, max(w for w, _ in sizes) + 0.3),
-                sum(h for _, h in sizes) + 0.07 * len(texts) + 0.24,
-                texts,
-            )
-        )
+        width = max(0.9, max(w for w, _ in sizes) + 0.3)
+        nodes.append(_Node(width, sum(h for _, h in sizes) + 0.07 * len(texts) + 0.24, texts))
     height = max(node.height for node in nodes)
     for node in nodes:
         node.height = height
-    return (
-        [*nodes, _Node(0.3, 0.3)] if any(tr.target is None for tr in system.transitions) else nodes
-    )
+    ends = any(tr.target is None for tr in system.transitions)
+    return [*nodes, _Node(0.3, 0.3)] if ends else nodes
 
 
 def _arcs(axes: Axes, system: System) -> list[_Arc]:
@@ -124,18 +117,13 @@ def _arcs(axes: Axes, system: System) -> list[_Arc]:
     formulas = equations(system)
     arcs = []
     for k, tr in enumerate(system.transitions):
-        words = "\n".join(
-            filter(
-                None, [textwrap.fill(tr.label, letters), _condition(axes, formulas, k, tr, letters)]
-            )
-        )
+        lines = textwrap.fill(tr.label, letters), _condition(axes, formulas, k, tr, letters)
+        words = "\n".join(filter(None, lines))
         sources = sorted(tr.sources, key=lambda source: -abs(keys[source] - keys[tr.target]))
-        for i, source in enumerate(
-            sources
-        ):  # from three sources on, one label at the widest arc is enough
-            text = (
-                _text(axes, words, 9, bbox=VEIL) if words and (i == 0 or len(sources) < 3) else None
-            )
+        for i, source in enumerate(sources):
+            # from three sources on, one label at the widest arc is enough
+            said = words and (i == 0 or len(sources) < 3)
+            text = _text(axes, words, 9, bbox=VEIL) if said else None
             arcs.append(_Arc(keys[source], keys[tr.target], text))
         arcs += [
             _Arc(keys[source], keys[tr.zeno], _text(axes, "Zeno", 9), dashed=True)
@@ -149,9 +137,9 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
     """The second line of a label; nothing where it is too long or more than Matplotlib can set."""
     guard = formulas.guards[k]
     if isinstance(tr.at, Every):
-        text = f"every ${formulas.latex(tr.at.period)}$" + (
-            "" if tr.at.first is None else f", first ${formulas.latex(tr.at.first)}$"
-        )
+        text = f"every ${formulas.latex(tr.at.period)}$"
+        if tr.at.first is not None:
+            text += f", first ${formulas.latex(tr.at.first)}$"
     elif isinstance(tr.at, At):
         text = "at $t = " + ",\\ ".join(map(formulas.latex, tr.at.instants)) + "$"
     elif hasattr(guard, "why"):
@@ -173,18 +161,8 @@ def _condition(axes: Axes, formulas: Equations, k: int, tr: Transition, letters:
 
 
 def _text(axes: Axes, words: str, size: float, **options: object) -> Text:
-    return axes.text(
-        0,
-        0,
-        words,
-        ha="center",
-        va="center",
-        fontsize=size,
-        color=INK,
-        linespacing=1.25,
-        zorder=5,
-        **options,
-    )
+    look = {"ha": "center", "va": "center", "color": INK, "linespacing": 1.25, "zorder": 5}
+    return axes.text(0, 0, words, fontsize=size, **look, **options)
 
 
 def _size(text: Text) -> tuple[float, float]:
@@ -197,12 +175,8 @@ def _place_nodes(nodes: list[_Node], arcs: list[_Arc]) -> None:
     """From left to right, with gaps that hold the labels between neighbours."""
     x = 0.0
     for i, node in enumerate(nodes):
-        widths = [
-            _size(arc.text)[0]
-            for arc in arcs
-            if arc.text and {arc.source, arc.target} == {i - 1, i}
-        ]
-        x += 0.0 if i == 0 else max(0.75, max(widths, default=0) - 0.15)
+        between = [a.text for a in arcs if a.text and {a.source, a.target} == {i - 1, i}]
+        x += max([0.75, *(_size(text)[0] - 0.15 for text in between)]) if i else 0.0
         node.x = x + node.width / 2
         x += node.width
 
@@ -216,21 +190,14 @@ def _place_ends(nodes: list[_Node], arcs: list[_Arc]) -> None:
         for side in (1, -1):
             here = []
             for k, arc in enumerate(arcs):
-                span = abs(arc.source - arc.target)
-                for end, (me, other) in enumerate(
-                    ((arc.source, arc.target), (arc.target, arc.source))
-                ):
-                    if me == i and arc.side == side:
-                        order = (
-                            (0, k + 1 if end else -k - 1)
-                            if span == 0
-                            else (-1, (span, k))
-                            if other < i
-                            else (1, (-span, -k))
-                        )
-                        here.append((order, arc, end))
-            here.sort(key=lambda item: (item[0][0], item[0][1]))
-            for position, (_, arc, end) in enumerate(here):
+                pair = (arc.source, arc.target)
+                for end in (0, 1) if arc.side == side else ():
+                    if pair[end] == i:  # from the left, among itself, to the right
+                        far = pair[1 - end] - i
+                        turn = k if far else k + 1 if end else -k - 1
+                        here.append((np.sign(far), -far, -turn if far > 0 else turn, arc, end))
+            here.sort(key=lambda item: item[:3])
+            for position, (*_, arc, end) in enumerate(here):
                 arc.ends[end] = node.x + node.width * 0.84 * ((position + 0.5) / len(here) - 0.5)
 
 
@@ -241,14 +208,10 @@ def _place_labels(nodes: list[_Node], arcs: list[_Arc]) -> None:
         span = abs(arc.ends[0] - arc.ends[1])
         size = np.array(_size(arc.text)) if arc.text else np.zeros(2)
         lowest = 0.34 + 0.12 * span
-        trials = [
-            (lowest + 0.07 * k, shift)
-            for k in range(60)
-            for shift in (0.0, -0.12, 0.12, -0.25, 0.25, -0.4, 0.4)
-            if abs(shift) <= 0.3 * max(span, 0.5)
-        ]
+        shifts = (0.0, -0.12, 0.12, -0.25, 0.25, -0.4, 0.4)
+        shifts = [shift for shift in shifts if abs(shift) <= 0.3 * max(span, 0.5)]
         best = None
-        for height, shift in trials:
+        for height, shift in product(lowest + 0.07 * np.arange(60), shifts):
             _shape(nodes, arc, height)
             top = arc.points[:, 1].max() if arc.side > 0 else arc.points[:, 1].min()
             middle = np.array([sum(arc.ends) / 2 + shift, top + arc.side * (0.05 + size[1] / 2)])
@@ -271,31 +234,25 @@ def _shape(nodes: list[_Node], arc: _Arc, height: float) -> None:
     top = arc.side * (max(abs(y0), abs(y1)) + 4 / 3 * height)
     arc.control = np.array([(x0, y0), (x0 - bulge, top), (x1 + bulge, top), (x1, y1)])
     u = np.linspace(0, 1, 41)[:, None]
-    arc.points = sum(
-        c * w
-        for c, w in zip(
-            arc.control, ((1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3), strict=True
-        )
-    )
+    weights = np.hstack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3])
+    arc.points = weights @ arc.control
 
 
 def _clash(a: _Arc, b: _Arc) -> int:
     """How bad it is that two arcs lie as they do: 100 a label on a label, 1 a label on a line."""
-    count = 100 * int(
-        a.box is not None and b.box is not None and a.box.padded(CLEAR).overlaps(b.box)
-    )
+    boxes = [arc.box.padded(CLEAR) if arc.box else None for arc in (a, b)]
+    count = 100 * bool(all(boxes) and boxes[0].overlaps(b.box))
     return count + sum(
-        one.box is not None and one.box.padded(CLEAR).count_contains(other.points) > 0
-        for one, other in ((a, b), (b, a))
+        box is not None and box.count_contains(arc.points) > 0
+        for box, arc in zip(boxes, (b, a), strict=True)
     )
 
 
 def _box(axes: Axes, color: str) -> FancyBboxPatch:
     """A mode's box in its colour; `_fill` gives it its place."""
     look = {"fc": tint(color, 0.18), "ec": color, "lw": 1.8, "zorder": 3}
-    return axes.add_patch(
-        FancyBboxPatch((0, 0), 1, 1, boxstyle="round,pad=0,rounding_size=0.12", **look)
-    )
+    rounded = "round,pad=0,rounding_size=0.12"
+    return axes.add_patch(FancyBboxPatch((0, 0), 1, 1, boxstyle=rounded, **look))
 
 
 def _fill(box: FancyBboxPatch, node: _Node) -> None:
@@ -312,51 +269,25 @@ def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: lis
     colors = mode_colors(system)
     for node, (name, color) in zip(nodes, colors.items(), strict=False):
         _fill(_box(axes, color), node)
-        if (
-            callable(system.mode) or system.mode == name
-        ):  # where a run begins; an open dot where the start state decides
+        decides = callable(system.mode)  # the start state does: then the dot is open
+        if decides or system.mode == name:  # where a run begins
             edge = node.x - node.width / 2
-            axes.add_patch(
-                FancyArrowPatch(
-                    (edge - 0.36, 0),
-                    (edge, 0),
-                    arrowstyle="-|>",
-                    mutation_scale=11,
-                    lw=1.3,
-                    color=LINE,
-                    shrinkA=0,
-                    shrinkB=0,
-                )
-            )
-            axes.add_patch(
-                Circle(
-                    (edge - 0.36, 0),
-                    0.055,
-                    fc="white" if callable(system.mode) else LINE,
-                    ec=LINE,
-                    lw=1.3,
-                    zorder=4,
-                )
-            )
+            _arrow(axes, posA=(edge - 0.36, 0), posB=(edge, 0), shrinkA=0, shrinkB=0)
+            _circle(axes, edge - 0.36, 0.055, 4, fc="white" if decides else LINE, lw=1.3)
     for node in nodes[len(colors) :]:
-        axes.add_patch(Circle((node.x, 0), 0.15, fc="white", ec=LINE, lw=1.3, zorder=3))
-        axes.add_patch(Circle((node.x, 0), 0.085, fc=LINE, ec=LINE, zorder=4))
+        _circle(axes, node.x, 0.15, 3, fc="white", lw=1.3)
+        _circle(axes, node.x, 0.085, 4, fc=LINE)
     for arc in arcs:
         _draw_arc(axes, arc)
         if arc.text and arc.box:
             arc.text.set_position(((arc.box.x0 + arc.box.x1) / 2, (arc.box.y0 + arc.box.y1) / 2))
-    title = axes.text(
-        0, 0, f"{system.name}: modes and transitions", fontsize=11, color=INK, ha="left", va="top"
-    )
-    boxes = [arc.box for arc in arcs if arc.box] + [
-        Bbox([arc.points.min(axis=0), arc.points.max(axis=0)]) for arc in arcs
-    ]
-    boxes += [
-        Bbox.from_bounds(
-            node.x - node.width / 2 - 0.42, -node.height / 2, node.width + 0.42, node.height
-        )
-        for node in nodes
-    ]
+    words = f"{system.name}: modes and transitions"
+    title = axes.text(0, 0, words, fontsize=11, color=INK, ha="left", va="top")
+    boxes = [arc.box for arc in arcs if arc.box]
+    boxes += [Bbox([arc.points.min(axis=0), arc.points.max(axis=0)]) for arc in arcs]
+    for node in nodes:
+        left, low = node.x - node.width / 2 - 0.42, -node.height / 2
+        boxes.append(Bbox.from_bounds(left, low, node.width + 0.42, node.height))
     whole = Bbox.union(boxes).padded(0.15)
     whole.x1 = max(whole.x1, whole.x0 + _size(title)[0] + 0.3)
     whole.y1 += 0.3
@@ -367,16 +298,16 @@ def _draw(fig: Figure, axes: Axes, system: System, nodes: list[_Node], arcs: lis
 
 def _draw_arc(axes: Axes, arc: _Arc) -> FancyArrowPatch:
     path = Path(arc.control, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
-    return axes.add_patch(
-        FancyArrowPatch(
-            path=path,
-            arrowstyle="-|>",
-            mutation_scale=11,
-            lw=1.3,
-            color=LINE,
-            ls="--" if arc.dashed else "-",
-        )
-    )
+    return _arrow(axes, path=path, ls="--" if arc.dashed else "-")
+
+
+def _arrow(axes: Axes, **options: Any) -> FancyArrowPatch:
+    look = {"arrowstyle": "-|>", "mutation_scale": 11, "lw": 1.3, "color": LINE}
+    return axes.add_patch(FancyArrowPatch(**options, **look))
+
+
+def _circle(axes: Axes, x: float, radius: float, zorder: int, **look: Any) -> None:
+    axes.add_patch(Circle((x, 0), radius, ec=LINE, zorder=zorder, **look))
 
 
 class _Lit(View):
@@ -423,12 +354,9 @@ class _Lit(View):
             widths[:] = total / len(widths) - gap
             for name, text in self.words.items():
                 text.set_text(textwrap.fill(name, 14))
-        nodes = [
-            _Node(width, 0.9, [text], x - width / 2 - gap / 2)
-            for width, text, x in zip(
-                widths, self.words.values(), np.cumsum(widths + gap), strict=True
-            )
-        ]
+        middles = np.cumsum(widths + gap) - widths / 2 - gap / 2
+        columns = zip(widths, self.words.values(), middles, strict=True)
+        nodes = [_Node(width, 0.9, [text], x) for width, text, x in columns]
         arcs = [_Arc(source, target, None) for source, target in sorted(self.pairs)]
         _place_ends(nodes, arcs)
         _place_labels(nodes, arcs)

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import same_color
 from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
 
 from labkit import Mode, ModelError, System, curves, explore, figure, simulate, time_plot
 from labkit.draw.figure import DASHES
@@ -222,6 +224,9 @@ def test_wrong_input_in_words(run):
         curves(run, lambda run: {"a": (run.t, 0.0)}, styles={"b": "o"})
     with pytest.raises(ModelError, match="the style of 'a', 'huh'"):
         curves(run, lambda run: {"a": (run.t, 0.0)}, styles={"a": "huh"})
+    for value in ("words", (run.t, -1.0, 1.0)):
+        with pytest.raises(ModelError, match="the style of 'a', .*colour"):
+            curves(run, lambda run, value=value: {"a": value}, styles={"a": {"colour": "red"}})
     with pytest.raises(ModelError, match="log is"):
         curves(run, lambda run: {"a": (run.t, 0.0)}, log="z")
     with pytest.raises(ModelError, match="ylim is"):
@@ -230,3 +235,24 @@ def test_wrong_input_in_words(run):
         ax = figure().axes[0]
         curves(ax, lambda run: {"a": (run.t, 0.0)}, axes=ax)
     assert isinstance(curves(run, lambda run: {"a": (run.t, 0)}).drawn["a"], Line2D)
+
+
+def test_words_stay_words(run):
+    def what(run):
+        return {"a": "words" if run.p.k == 2.0 else (run.t, run["x"])}
+
+    view = curves(run, what)
+    with pytest.raises(ModelError, match="curve 'a' is .* the same kind at each run"):
+        view.update(run.again(k=9.0))
+
+
+def test_a_list_is_as_good_as_a_tuple(run):
+    view = curves(run, lambda run: {"a": [run.t, run["x"]], "b": [run.t, run["x"], run["v"]]})
+    assert view.axes.get_xlabel() and view.shows[0].names == ("a",)
+    assert isinstance(view.drawn["b"], PathPatch)
+
+
+@pytest.mark.parametrize("name", ["olive", "#009E73", "0.4"])
+def test_a_style_may_be_any_name_of_a_colour(run, name):
+    line = curves(run, lambda run: {"a": (run.t, run["x"])}, styles={"a": name}).drawn["a"]
+    assert same_color(line.get_color(), name)

@@ -30,21 +30,26 @@ from PIL import Image
 
 from labkit.draw import (
     COLORS,
+    Handle,
     Motion,
     Sketch,
     curves,
-    direction_field,
-    equilibria,
     figure,
-    guard_lines,
     mode_colors,
-    nullclines,
     phase_portrait,
     planes,
     time_plot,
-    trajectories,
 )
 from labkit.draw.figure import PNG_BYTES, head, label, style, symbol
+from labkit.draw.layers import (
+    DirectionField,
+    Equilibria,
+    GuardLines,
+    Nullclines,
+    Trajectories,
+    stage,
+)
+from labkit.draw.overlay import Overlay
 from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
 from labkit.draw.private import Renderer, measure_as, reshape, tick_size
 from labkit.draw.sketch import CHARACTERISTICS
@@ -63,6 +68,13 @@ from .helpers import ROOT
 
 PLAIN = {"backend": "plain"}
 BOX = ((-2.0, 2.0), (-2.0, 2.0))
+WIDE = ((-1.0, 12.0), (-15.0, 15.0))
+
+
+def alone(kind, system, *more, limits=BOX, **options):
+    """One layer of a portrait over the first two states."""
+    plane = Plane(system, **options)
+    return kind(stage(plane, None, limits), plane, *more)
 
 
 def linear(A, b=(0.0, 0.0)):
@@ -299,7 +311,9 @@ def test_pyplot_is_never_loaded():
 
 
 def test_figure_refuses_nonsense(tmp_path):
-    for bad in ({"width": 0}, {"height": 1e9}, {"rows": -1}, {"rows": 50, "columns": 50}):
+    sizes = ({"width": 0}, {"height": 1e9}, {"rows": -1}, {"rows": 50, "columns": 50})
+    parts = ({"sharex": "x"}, {"rows": 2, "heights": (1, -1)}, {"widths": (0,)})
+    for bad in (*sizes, *parts):
         with pytest.raises(ModelError):
             figure(**bad)
     path = figure().save_png(tmp_path / "f.png")
@@ -658,7 +672,7 @@ def test_classify_refuses_nonsense():
 )
 def test_equilibrium_of_a_linear_system(A, kind):
     b = np.array([0.3, -0.7])
-    ((x, v, mode, word),) = equilibria(linear(A, b), limits=BOX).found
+    ((x, v, mode, word),) = alone(Equilibria, linear(A, b)).found
     np.testing.assert_allclose([x, v], -np.linalg.solve(np.array(A, dtype=float), b), atol=1e-9)
     assert (mode, word) == ("motion", kind)
 
@@ -685,7 +699,7 @@ def test_equilibria_of_a_pendulum_with_math_functions():
 
 
 def test_no_equilibrium_where_there_is_none(ball):
-    assert equilibria(ball, limits=((0.0, 10.0), (-10.0, 10.0))).found == []
+    assert alone(Equilibria, ball, limits=((0.0, 10.0), (-10.0, 10.0))).found == []
 
 
 @pytest.mark.parametrize(
@@ -747,10 +761,10 @@ def test_a_line_of_equilibria_is_no_heap_of_marks(A):
 
 
 def test_only_the_equilibria_of_the_mode_that_holds(block):
-    view = equilibria(block, limits=((-1.0, 5.0), (0.0, 6.0)))
+    view = alone(Equilibria, block, limits=((-1.0, 5.0), (0.0, 6.0)))
     ((x, v, mode, kind),) = view.found
     assert (round(x, 9), round(v, 9), mode, kind) == (2.0, 2.0, "slip", "centre")
-    view = equilibria(block, limits=((-1.0, 5.0), (0.0, 6.0)), mode="stick")
+    view = alone(Equilibria, block, limits=((-1.0, 5.0), (0.0, 6.0)), mode="stick")
     assert view.found == []
 
 
@@ -762,7 +776,7 @@ def test_nullclines_lie_where_the_rates_vanish():
         [Mode("m", lambda t, s, p: (s.v, p.mu * (1 - s.x**2) * s.v - s.x))],
         start={"x": 1, "v": 0},
     )
-    layer = nullclines(system, limits=((-3.0, 3.0), (-4.0, 4.0)))
+    layer = alone(Nullclines, system, limits=((-3.0, 3.0), (-4.0, 4.0)))
     flat, steep = (np.concatenate(segments(line)) for line in layer.lines)
     assert np.abs(flat[:, 1]).max() < 1e-12
     x, v = steep.T
@@ -782,7 +796,7 @@ def test_a_jump_through_zero_is_no_nullcline():
 
 def test_direction_field_points_along_the_flow_on_paper():
     system = linear([[0, 1], [-1, 0]])
-    layer = direction_field(system, limits=((-2.0, 2.0), (-200.0, 200.0)))
+    layer = alone(DirectionField, system, limits=((-2.0, 2.0), (-200.0, 200.0)))
     strokes = segments(layer.lines[0])
     assert len(strokes) >= 2 * 15 * 5
     lengths = []
@@ -799,7 +813,7 @@ def test_direction_field_points_along_the_flow_on_paper():
 
 
 def test_field_shows_the_mode_that_holds(block):
-    layer = direction_field(block, limits=((-1.0, 5.0), (-1.0, 6.0)))
+    layer = alone(DirectionField, block, limits=((-1.0, 5.0), (-1.0, 6.0)))
     stick, slip = (np.concatenate(segments(line)) for line in layer.lines)
     assert (
         stick[:, 1].max() < 0.2 and slip[:, 1].min() > -0.5 and stick[:, 0].max() < 5.88 / 2 + 0.3
@@ -861,7 +875,7 @@ def test_vectorised_and_single_evaluation_agree(block):
 
 
 def test_guard_lines_and_names(block):
-    layer = guard_lines(block, limits=((-1.0, 5.0), (-1.0, 6.0)))
+    layer = alone(GuardLines, block, limits=((-1.0, 5.0), (-1.0, 6.0)))
     np.testing.assert_allclose(
         np.concatenate(segments(layer.lines["stick"]))[:, 0], 2.94, atol=1e-9
     )
@@ -872,11 +886,11 @@ def test_guard_lines_and_names(block):
 
 def test_trajectories_by_mode_with_dashed_jumps(ball, block):
     run = simulate(ball, 6.0, **PLAIN)
-    layer = trajectories(run)
+    layer = alone(Trajectories, run.system, run, limits=WIDE)
     assert len(segments(layer.lines[0])) == 4 and len(segments(layer.jumps)) == 3
     np.testing.assert_allclose(np.concatenate(segments(layer.jumps))[:, 0], 0, atol=1e-9)
     run = simulate(block, 12.0, **PLAIN)
-    layer = trajectories(run)
+    layer = alone(Trajectories, run.system, run, limits=WIDE)
     for name, line in zip(block.modes, layer.lines, strict=True):
         assert sum(map(len, segments(line))) == (run.mode == name).sum()
     assert not segments(layer.jumps)
@@ -884,7 +898,8 @@ def test_trajectories_by_mode_with_dashed_jumps(ball, block):
 
 
 def test_arrow_heads_point_along_the_trajectory():
-    layer = trajectories(simulate(linear([[0, 1], [-1, 0]]), 6.0, **PLAIN), limits=BOX)
+    run = simulate(linear([[0, 1], [-1, 0]]), 6.0, **PLAIN)
+    layer = alone(Trajectories, run.system, run)
     heads = layer.heads[0].get_path().vertices.reshape(-1, 4, 2)
     assert len(heads)
     for tip, left, right, *_ in heads:
@@ -895,7 +910,7 @@ def test_arrow_heads_point_along_the_trajectory():
 def test_a_run_that_ends_at_its_start_is_a_point():
     """Also where a longer one was shown before it: its heads go."""
     system = linear([[0, 1], [-1, 0]])
-    layer = trajectories(simulate(system, 6.0, **PLAIN), limits=BOX)
+    layer = alone(Trajectories, system, simulate(system, 6.0, **PLAIN))
     stuck = simulate(system, 6.0, points=1, max_steps=1, rtol=1e-12, **PLAIN)
     stuck = replace(
         stuck,
@@ -1607,7 +1622,6 @@ def test_a_name_that_is_both_option_and_parameter_is_refused():
     for call in (
         lambda: phase_portrait(tank, horizon=1.0, height=3.0),
         lambda: phase_portrait(run, at=3.0),
-        lambda: equilibria(tank, limits=BOX),
         lambda: time_plot(run, "x", width=3.0),
         lambda: curves(run, lambda run: {}, height=3.0),
         lambda: planes(run, None, height=2.0),
@@ -1639,9 +1653,39 @@ def test_portrait_refuses_nonsense(ball):
         phase_portrait(ball, horizon=1.0, starts={"y": [1.0]})
     with pytest.raises(ModelError, match="shape"):
         phase_portrait(ball, horizon=1.0, starts=np.zeros((3, 3)))
+    with pytest.raises(ModelError, match="starts needs arrays of one length"):
+        phase_portrait(ball, horizon=1.0, starts={"y": [1.0, 2.0, 3.0], "v": [0.0, 1.0]})
+    with pytest.raises(ModelError, match="two states"):
+        phase_portrait(ball, "y", "y", horizon=1.0)
     one = System("one", {"x": "m"}, modes=[Mode("m", lambda t, s, p: (0.0,))], start={"x": 0.0})
     with pytest.raises(ModelError, match="two states"):
         phase_portrait(one, horizon=1.0)
+
+
+def test_the_portrait_of_a_run_keeps_its_parameters_beside_those_that_are_given(ball):
+    view = phase_portrait(simulate(ball, 2.0, e=0.5, **PLAIN), g=1.6)
+    assert view.plane.p == ball.values({"e": 0.5, "g": 1.6})
+
+
+def test_an_error_of_the_model_is_not_blamed_on_an_option():
+    broken = [Mode("m", lambda t, s, p: (s.v, {}["k"]) if s.x > 2 else (s.v, -s.x))]
+    system = System("broken", {"x": "m", "v": "m/s"}, {}, broken, start={"x": 1.0, "v": 0.0})
+    with pytest.raises(KeyError):
+        phase_portrait(system, starts=9, horizon=1.0, limits=((-4, 4), (-4, 4)), **PLAIN)
+
+
+def test_a_handle_names_what_the_model_has(ball):
+    with pytest.raises(ModelError, match="names 'h', no parameter or state of 'ball'; .*'e'"):
+        Handle(figure().axes[0], "y", "h").update(simulate(ball, 1.0, **PLAIN))
+
+
+def test_a_click_starts_trajectories_of_the_models_that_have_the_plane(ball):
+    other = linear([[0, 1], [-1, 0]])
+    runs = {"ball": simulate(ball, 1.0, **PLAIN), "other": simulate(other, 1.0, **PLAIN)}
+    view = phase_portrait(runs["ball"])
+    overlay = Overlay(view.shows)
+    overlay.add([runs])
+    assert len(overlay.starts[0].get_xdata()) == 1
 
 
 # -- sketches --------------------------------------------------------------------------------------
@@ -1709,6 +1753,19 @@ def test_sketch_refuses_nonsense():
         s.characteristic((1, 1), "relais")
     with pytest.raises(ModelError, match="nothing to update"):
         s.update(None)
+    with pytest.raises(ModelError, match="side of a label is 'end', 'above' or 'below'"):
+        s.arrow((1, 1), (2, 1), "$F$", side="left")
+    with pytest.raises(ModelError, match="side of wall must be 'left' or 'right'"):
+        s.wall((1, 1), 2.0, side="up")
+    with pytest.raises(ModelError, match="label of text must be a text, not 5"):
+        s.text([1, 1], 5)
+    with pytest.raises(ModelError, match="width of block must be a number"):
+        s.block((1, 1), "wide", 1.0)
+    for piece in (s.line, s.connect):
+        with pytest.raises(ModelError, match="needs 2 points, not 1"):
+            piece((1, 1))
+    with pytest.raises(ModelError, match="draw of Motion must be a function of a sketch and s"):
+        Motion(figure().axes[0], lambda sketch: None)
 
 
 def test_a_point_from_a_named_tuple_or_array_is_fine():

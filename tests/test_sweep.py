@@ -557,6 +557,10 @@ def test_a_map_in_given_axes():
     assert m.picture("delta", "omega", axes=fig.axes[1], title="First zero") is fig
     assert not fig.axes[0].collections and fig.axes[1].get_title("left") == "First zero"
     np.testing.assert_array_equal(fig.axes[1].collections[0].get_array(), m.values.T)
+    assert fig.axes[1].get_ylabel() == r"$\omega$ [1/s]"
+    free = fig.add_axes((0.1, 0.1, 0.2, 0.2))
+    m.picture("delta", "omega", axes=free)
+    assert free.get_ylabel() == r"$\omega$ [1/s]"
     three = sweep(oscillator, 1.0, ending, delta=deltas, omega=omegas, x=[0.9, 1.0])
     with pytest.raises(ModelError, match="three axes are maps side by side"):
         three.picture(axes=fig.axes[0])
@@ -566,3 +570,16 @@ def test_a_result_with_the_name_of_an_axis_has_a_column_of_its_own():
     m = sweep(oscillator, 0.1, lambda run: {"delta": 5.0}, delta=[0.1, 0.2], backend="plain")
     columns = m.columns()
     assert (columns["delta"], columns["delta of the run"]) == ([0.1, 0.2], [5.0, 5.0])
+
+
+def test_maps_at_the_edge():
+    """A short logarithmic axis, one value of a third, no result at all, logarithms of nothing."""
+    short = np.geomspace(3.1, 4.2, 4)
+    m = sweep(oscillator, 1.0, lambda run: run["x"][-1], omega=short, delta=deltas, x=[0.5])
+    axes = m.picture("omega", "delta").axes[0]
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["3.1", "3.43", "3.796", "4.2"]
+    assert axes.get_title("left") == "$x$ = 0.5 m"
+    none = sweep(oscillator, 1.0, lambda run: np.nan, x=[0.0, 1.0], delta=[0.1, 0.2])
+    assert words(none.picture().axes[0]) == ["no result"]
+    with pytest.raises(ModelError, match="axis 'x' cannot be log"):
+        none.picture(log=["x"])

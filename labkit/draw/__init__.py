@@ -9,15 +9,7 @@ Sketch(8, 3)
 from .curves import Curves, curves
 from .figure import COLORS, Figure, figure, mode_colors
 from .overlay import Handle
-from .phase import (
-    PhasePortrait,
-    direction_field,
-    equilibria,
-    guard_lines,
-    nullclines,
-    phase_portrait,
-    trajectories,
-)
+from .phase import PhasePortrait, phase_portrait
 from .planes import Planes, arrow_heads, flow_lines, planes
 from .sketch import Motion, Sketch
 from .time import TimePlot, time_plot
@@ -37,15 +29,10 @@ __all__ = [
     "View",
     "arrow_heads",
     "curves",
-    "direction_field",
-    "equilibria",
     "figure",
     "flow_lines",
-    "guard_lines",
     "mode_colors",
-    "nullclines",
     "phase_portrait",
     "planes",
     "time_plot",
-    "trajectories",
 ]

@@ -6,27 +6,36 @@ explore(system, horizon, lambda run: [time_plot(run, "x", axes=left), curves(rig
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import is_color_like
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
-from matplotlib.path import Path
 from matplotlib.text import Text
 
 from ..arguments import takes, unambiguous
 from ..model import ModelError, listed
 from ..run import Run
-from .figure import COLORS, DASHES, FAINT, VEIL, figure, head, style, symbol, when_resized
+from .figure import (
+    COLORS,
+    DASHES,
+    FAINT,
+    VEIL,
+    area,
+    figure,
+    head,
+    style,
+    symbol,
+    when_resized,
+)
 from .private import closed, reshape
 from .ticks import over_time
-from .time import _sample, _segments
+from .time import sample, segments
 from .view import Shows, View, Window, extent
-
-__all__ = ["Curves", "curves"]
 
 What = Callable[[Any], Mapping[str, object]]
 Span = tuple[float, float]
@@ -87,20 +96,25 @@ def curves(
         axes = where
     elif axes is None:
         axes = figure(width=width, height=height).axes[0]
-    return Curves(
-        axes,
-        what,
-        run,
-        styles or {},
-        xlabel,
-        ylabel,
-        title,
-        legend,
-        log,
-        (xlim, ylim),
-        equal,
-        plane,
-    )
+    if not set(log) <= {"x", "y"}:
+        raise ModelError(f"log is 'x', 'y' or 'xy', not {log!r}")
+    for which, given in (("x", xlim), ("y", ylim)):
+        if given is not None and not (
+            len(given) == 2 and np.isfinite(given).all() and given[0] < given[1]
+        ):
+            raise ModelError(f"{which}lim is (low, high) with low < high, not {given!r}")
+    with style():
+        axes.set(**{key: v for key, v in (("xlabel", xlabel), ("ylabel", ylabel)) if v is not None})
+        axes.set(**{f"{which}scale": "log" for which in log})
+        if equal:
+            axes.set_aspect("equal", adjustable="datalim" if None in (xlim, ylim) else "box")
+    view = Curves(axes, what, dict(styles or {}), title, legend, log, (xlim, ylim))
+    view.timed = xlabel is None
+    if plane is not None:
+        view.shows = [Shows(axes, plane[0], (plane[1],))]
+    if run is not None:
+        view.update(run)
+    return view
 
 
 class Curves(View):
@@ -115,45 +129,20 @@ class Curves(View):
         self,
         axes: Axes,
         what: What,
-        run: Run | None,
         styles: Mapping[str, str | Mapping[str, object]],
-        xlabel: str | None,
-        ylabel: str | None,
         title: str,
         legend: bool,
         log: str,
         limits: tuple[Span | None, Span | None],
-        equal: bool,
-        plane: tuple[str, str] | None,
     ):
-        if not set(log) <= {"x", "y"}:
-            raise ModelError(f"log is 'x', 'y' or 'xy', not {log!r}")
-        self.axes, self.figure, self.what, self.styles = axes, axes.get_figure(), what, dict(styles)
-        self.log, self.title, self.legend, self.limits = log, title, legend, limits
+        self.axes, self.figure, self.what, self.styles = axes, axes.get_figure(), what, styles
+        self.title, self.legend, self.log, self.limits = title, legend, log, limits
+        self.timed = True  # whether the axis to the right may be named as the time
         self.drawn: dict[str, Artist] = {}
         self._last: tuple[Any, Mapping[str, Any]] = (None, {})
         self._windows: list[Window | None] = []
         self._named: list[str] = []
         self._bands: dict[str, tuple | None] = {}
-        self._xlabel = xlabel
-        for which, given in zip("xy", limits, strict=True):
-            if given is not None and not (
-                len(given) == 2 and np.all(np.isfinite(given)) and given[0] < given[1]
-            ):
-                raise ModelError(f"{which}lim is (low, high) with low < high, not {given!r}")
-        with style():
-            if ylabel is not None:
-                axes.set_ylabel(ylabel)
-            if xlabel is not None:
-                axes.set_xlabel(xlabel)
-            for which in log:
-                getattr(axes, f"set_{which}scale")("log")
-            if equal:
-                axes.set_aspect("equal", adjustable="datalim" if None in limits else "box")
-        if plane is not None:
-            self.shows = [Shows(axes, plane[0], (plane[1],))]
-        if run is not None:
-            self.update(run)
 
     @property
     def artists(self) -> list[Artist]:  # type: ignore[override]
@@ -169,26 +158,18 @@ class Curves(View):
         new = [name for name in found if name not in self.drawn]
         for name in new:
             self.drawn[name] = self._made(name, found[name])
-        right: list[np.ndarray] = []
-        up: list[np.ndarray] = []
-        for name, artist in self.drawn.items():
-            x, y = self._put(name, artist, found.get(name))
-            right += x
-            up += y
+        put = [self._put(name, one, found.get(name)) for name, one in self.drawn.items()]
+        data = [[array for heeded in put for array in heeded[k]] for k in (0, 1)]
         runs = list(run.values()) if isinstance(run, Mapping) else [run]
-        timed = any(
-            isinstance(v, tuple) and len(v) > 1 and v[0] is one.t
-            for v in found.values()
-            for one in runs
-        )
+        times = [one.t for one in runs]
+        timed = any(isinstance(v, tuple) and any(v[0] is t for t in times) for v in found.values())
         if not self._windows:
-            self._begin(runs[0], timed, right, up)
+            self._begin(runs[0], timed, data)
             self.relimited = True
         else:
-            pairs = zip(self._windows, (right, up), "xy", strict=True)
             fitted = [
-                window.fit(*self._extent(data, which))
-                for window, data, which in pairs
+                window.fit(*self._extent(values, which))
+                for window, values, which in zip(self._windows, data, "xy", strict=True)
                 if window is not None
             ]
             self.relimited = any(fitted) or bool(new)
@@ -210,33 +191,25 @@ class Curves(View):
                 raise ModelError(
                     f"the function of curves gives name -> (x, y), not {type(found).__name__}"
                 )
-            self._last = run, found
+            pairs = found.items()
+            self._last = run, {k: tuple(v) if isinstance(v, list) else v for k, v in pairs}
         return self._last[1]
 
-    def _begin(self, run: Run, timed: bool, right: list[np.ndarray], up: list[np.ndarray]) -> None:
-        for which, data, given in zip("xy", (right, up), self.limits, strict=True):
+    def _begin(self, run: Run, timed: bool, data: Sequence[list[np.ndarray]]) -> None:
+        for which, values, given in zip("xy", data, self.limits, strict=True):
             if given is not None:
                 getattr(self.axes, f"set_{which}lim")(*given)
                 self._windows.append(None)
-            else:
-                tight = which == "x" and timed
-                self._windows.append(
-                    Window(
-                        self.axes,
-                        which,
-                        *self._extent(data, which),
-                        margin=0.0 if tight else 0.07,
-                        room=0.0 if tight else 0.2,
-                        log=which in self.log,
-                    )
-                )
-        if timed:
-            if not self.shows:
-                lines = [name for name, a in self.drawn.items() if isinstance(a, Line2D)]
-                self.shows = [Shows(self.axes, "t", tuple(lines), self._curve)]
-            if self._xlabel is None and not self.axes.get_xlabel():
-                with style():
-                    over_time(self.axes, symbol("t"), run.system.time)
+                continue
+            room = {"margin": 0.0, "room": 0.0} if which == "x" and timed else {}
+            span = self._extent(values, which)
+            self._windows.append(Window(self.axes, which, *span, log=which in self.log, **room))
+        if timed and not self.shows:
+            lines = [name for name, a in self.drawn.items() if isinstance(a, Line2D)]
+            self.shows = [Shows(self.axes, "t", tuple(lines), self._curve)]
+        if timed and self.timed and not self.axes.get_xlabel():
+            with style():
+                over_time(self.axes, symbol("t"), run.system.time)
 
     def _curve(self, run: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
         """What a held run and a cursor draw: the curve over the time, if it is one."""
@@ -257,64 +230,78 @@ class Curves(View):
     def _sample(self, name: str) -> Artist:
         artist = self.drawn[name]
         if isinstance(artist, Line2D):
-            return _sample(artist)
-        return Patch(
-            facecolor=artist.get_facecolor(),
-            edgecolor=artist.get_edgecolor(),
-            linewidth=artist.get_linewidth(),
-            hatch=artist.get_hatch(),
-        )
+            return sample(artist)
+        looks = ("facecolor", "edgecolor", "linewidth", "hatch")
+        return Patch(**{look: getattr(artist, f"get_{look}")() for look in looks})
 
     def _made(self, name: str, value: object) -> Artist:
         """The empty artist for a value of this kind, in the order of colours and dashes."""
         look = self.styles.get(name, {})
-        k = sum(isinstance(a, Line2D | PathPatch) for a in self.drawn.values())
-        lines = sum(isinstance(a, Line2D) for a in self.drawn.values())
-        color = COLORS[k % len(COLORS)]
-        with style():
-            if isinstance(value, str):
-                base = {"x": 0.02, "y": 0.97, "va": "top", "fontsize": 10.0, "zorder": 6}
-                given = {"bbox": VEIL, **base, **(look if isinstance(look, Mapping) else {})}
-                x, y = given.pop("x"), given.pop("y")
-                made = self.axes.text(x, y, "", transform=self.axes.transAxes, **given)
-                made.set_in_layout(False)
-                when_resized(self.axes, self._fit_words)
-                return made
-            filled = look == "fill"
-            if filled or (isinstance(value, tuple) and len(value) == 3):
-                given = {"facecolor": color, "alpha": 0.18, "linewidth": 0, "zorder": 1.1}
-                if isinstance(look, Mapping):
-                    given |= {"facecolor" if key == "color" else key: v for key, v in look.items()}
-                return self.axes.add_patch(PathPatch(Path(np.zeros((0, 2))), **given))
-            short, given = (look, {}) if isinstance(look, str) else ("", dict(look))
-            if short == "steps":
-                short, given = "", {"drawstyle": "steps-post"}
-            straight = isinstance(value, tuple) and any(part is None for part in value)
-            try:
-                line = self.axes.plot([], [], *([short] if short else []))[0]
-                if not _colored(short, given):
-                    line.set_color(FAINT if straight else color)
-                if not short and not {"ls", "linestyle", "marker"} & set(given):
-                    line.set_linestyle((0, (4, 2)) if straight else DASHES[lines % len(DASHES)])
-                    line.set_dash_capstyle("butt")
-                line.set_zorder(1.6 if straight else 3 + 0.01 * k)
-                if straight:
-                    line.set_linewidth(1.1)
-                elif line.get_linestyle() == "None":
-                    line.set_markersize(4)
-                line.set(**given)
-            except (ValueError, AttributeError, TypeError) as error:
-                raise ModelError(f"the style of {name!r}, {look!r}: {error}") from None
+        try:
+            with style():
+                if isinstance(value, str):
+                    return self._words(look)
+                if look == "fill" or (isinstance(value, tuple) and len(value) == 3):
+                    return self._band(look)
+                straight = isinstance(value, tuple) and any(part is None for part in value)
+                return self._line(look, straight)
+        except (ValueError, AttributeError, TypeError) as error:
+            raise ModelError(f"the style of {name!r}, {look!r}: {error}") from None
+
+    def _words(self, look: str | Mapping[str, Any]) -> Text:
+        given = {"x": 0.02, "y": 0.97, "va": "top", "fontsize": 10.0, "zorder": 6, "bbox": VEIL}
+        given |= look if isinstance(look, Mapping) else {}
+        made = self.axes.text(s="", transform=self.axes.transAxes, **given)
+        made.set_in_layout(False)
+        when_resized(self.axes, self._fit_words)
+        return made
+
+    def _color(self) -> str:
+        return COLORS[self._count(Line2D | PathPatch) % len(COLORS)]
+
+    def _count(self, kind: Any) -> int:
+        return sum(isinstance(artist, kind) for artist in self.drawn.values())
+
+    def _band(self, look: str | Mapping[str, Any]) -> PathPatch:
+        given = {"facecolor": self._color(), "alpha": 0.18, "lw": 0, "zorder": 1.1}
+        if isinstance(look, Mapping):
+            given |= {"facecolor" if key == "color" else key: v for key, v in look.items()}
+        return area(self.axes, **given)
+
+    def _line(self, look: str | Mapping[str, Any], straight: bool) -> Line2D:
+        short, given = (look, {}) if isinstance(look, str) else ("", dict(look))
+        if short == "steps":
+            short, given = "", {"drawstyle": "steps-post"}
+        line = self.axes.plot([], [], *([short] if short else []))[0]
+        if not _colored(short, given):
+            line.set_color(FAINT if straight else self._color())
+        if not short and not {"ls", "linestyle", "marker"} & set(given):
+            dash = DASHES[self._count(Line2D) % len(DASHES)]
+            line.set(linestyle=(0, (4, 2)) if straight else dash, dash_capstyle="butt")
+        line.set_zorder(1.6 if straight else 3 + 0.01 * self._count(Line2D | PathPatch))
+        if straight:
+            line.set_linewidth(1.1)
+        elif line.get_linestyle() == "None":
+            line.set_markersize(4)
+        line.set(**given)
         return line
 
     def _put(
         self, name: str, artist: Artist, value: object
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Gives the artist its data; returns those that the limits in x and in y heed."""
-        if isinstance(artist, Text):
-            words = "" if value is None else str(value)
-            if words != artist.get_text():
-                artist.set_text(words)
+        filled = self.styles.get(name) == "fill"
+        size = 3 if isinstance(artist, PathPatch) and not filled else 2
+        words = isinstance(artist, Text)
+        fits = isinstance(value, str) if words else isinstance(value, tuple) and len(value) == size
+        if value is not None and not fits:
+            kinds = "(x, y), (x, low, high) or words"
+            raise ModelError(
+                f"curve {name!r} is {kinds}, the same kind at each run, not {value!r:.200}"
+            )
+        if words:
+            if (value or "") != artist.get_text():
+                artist.set_text(value or "")
                 self._fit_words()
             return [], []
         if value is None:
@@ -323,36 +310,27 @@ class Curves(View):
             else:
                 self._bands[name] = None
             return [], []
-        size = 3 if isinstance(artist, PathPatch) and self.styles.get(name) != "fill" else 2
-        if not isinstance(value, tuple | list) or len(value) != size:
-            kinds = "(x, y), (x, low, high) or words"
-            raise ModelError(f"curve {name!r} is {kinds}, the same kind at each run, not {value!r}")
+        there = [part for part in value if part is not None]
+        if not there:
+            raise ModelError(f"curve {name!r} gives None for everything")
         try:
-            parts = [
-                None if part is None else np.asarray(part, dtype=float).ravel() for part in value
-            ]
-            full = np.broadcast_arrays(*(part for part in parts if part is not None))
+            full = iter(np.broadcast_arrays(*(np.asarray(v, dtype=float).ravel() for v in there)))
         except (TypeError, ValueError):
             sizes = ", ".join("None" if v is None else str(np.shape(v)) for v in value)
             raise ModelError(
                 f"curve {name!r}: x and y must be numbers of one length, not of shapes {sizes}"
             ) from None
-        if not full:
-            raise ModelError(f"curve {name!r} gives None for everything")
-        given = iter(full)
-        parts = [None if part is None else next(given) for part in parts]
+        parts = [None if part is None else next(full) for part in value]
+        x, y = parts[:2]
         if isinstance(artist, PathPatch):
-            x, low, high = (*parts, None)[:3]
-            self._bands[name] = (x, low, high)
-            bounds = [a[np.isfinite(a)] for a in (low, high) if a is not None]
+            self._bands[name] = (*parts, None)[:3]
+            bounds = [a[np.isfinite(a)] for a in parts[1:] if a is not None]
             return [] if x is None else [x], bounds
-        x, y = parts
         if x is None or y is None:
             at = y if x is None else x
-            ends = _segments(np.zeros(len(at)), np.ones(len(at))), np.repeat(at, 3)
-            artist.set_transform(
-                self.axes.get_yaxis_transform() if x is None else self.axes.get_xaxis_transform()
-            )
+            ends = segments(np.zeros(len(at)), np.ones(len(at))), np.repeat(at, 3)
+            level = self.axes.get_yaxis_transform(), self.axes.get_xaxis_transform()
+            artist.set_transform(level[y is None])
             artist.set_data(*(ends if x is None else ends[::-1]))
             return ([], [at]) if x is None else ([at], [])
         artist.set_data(x, y)
@@ -376,21 +354,18 @@ class Curves(View):
         high: np.ndarray | None,
     ) -> list[np.ndarray]:
         """The polygons of a band: between curves, or straight across the axes."""
-        if high is None:
-            assert x is not None
-            if low is not None:  # the closed curve (x, y)
-                points = np.column_stack([x, low])
-                cuts = np.flatnonzero(~np.isfinite(points).all(axis=1))
-                return [part[np.isfinite(part).all(axis=1)] for part in np.split(points, cuts)]
+        if high is None and low is None:
             patch.set_transform(self.axes.get_xaxis_transform())
             pairs = x[: len(x) // 2 * 2].reshape(-1, 2)
             return [np.array([(a, 0), (b, 0), (b, 1), (a, 1)]) for a, b in pairs]
-        assert low is not None
+        if high is None:  # the closed curve (x, y)
+            points = np.column_stack([x, low])
+            cuts = np.flatnonzero(~np.isfinite(points).all(axis=1))
+            return [part[np.isfinite(part).all(axis=1)] for part in np.split(points, cuts)]
         bottom, top = self.axes.get_ylim()
-        log = "y" in self.log
-        below, above = (
-            (bottom**2 / top, top**2 / bottom) if log else (2 * bottom - top, 2 * top - bottom)
-        )
+        below, above = 2 * bottom - top, 2 * top - bottom
+        if "y" in self.log:
+            below, above = bottom**2 / top, top**2 / bottom
         low, high = (np.clip(bound, below, above) for bound in (low, high))
         if x is None:
             patch.set_transform(self.axes.get_yaxis_transform())
@@ -404,4 +379,6 @@ class Curves(View):
 
 def _colored(short: str, given: Mapping[str, object]) -> bool:
     """Does a style name a colour itself?"""
-    return bool({"c", "color"} & set(given)) or any(letter in short for letter in "bgrcmykwC")
+    letters = any(letter in short for letter in "bgrcmykwC")
+    alone = len(short) > 1 and is_color_like(short)  # "1" is a marker
+    return bool({"c", "color"} & set(given)) or letters or alone

@@ -18,16 +18,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib.figure
 import numpy as np
-from matplotlib import patheffects, rc_context, rcParams
+from matplotlib import cycler, patheffects, rc_context, rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_rgb
 from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
 from matplotlib.transforms import Bbox, ScaledTranslation
 from PIL import Image
 
@@ -35,23 +38,9 @@ from ..arguments import asked
 from ..model import ModelError, System
 from ..run import write_whole
 from ..show import latex_name
-from .private import Canvas, retitle, size_of_words, ticks_once, title_size
+from .private import Canvas, closed, retitle, size_of_words, ticks_once, title_size
 from .ticks import Between, Numbers, Spaced
 from .words import MODE, described
-
-__all__ = [
-    "COLORS",
-    "DASHES",
-    "Figure",
-    "STYLE",
-    "figure",
-    "label",
-    "on_lines",
-    "mode_colors",
-    "symbol",
-    "tint",
-    "when_resized",
-]
 
 #: Curves and modes, in order: Okabe and Ito's colours (jfly.uni-koeln.de/color), told apart by all
 #: common kinds of colour vision; their yellow is left out (invisible on white) and black comes
@@ -69,72 +58,77 @@ MOST = 0.16  # and, where it has no room there, is without the modes
 INK, GREY, FAINT, GRID = "#222222", "#666666", "#8A8A8A", "#E3E3E3"
 
 CSS_DPI = 96  # an inch on the page
-PNG_DPI = (
-    120  # of the saved picture, which is shown smaller, at CSS_DPI: crisp on a dense screen too
-)
+PNG_DPI = 120  # of the saved picture, which is shown smaller: crisp on a dense screen too
 PNG_BYTES = 60_000
 
+_BOTH_TICKS = {"color": FAINT, "labelcolor": INK, "labelsize": 9.5, "direction": "out"}
+_STYLES: dict[str, dict[str, Any]] = {
+    "font": {"family": "DejaVu Sans", "size": 10.0},
+    "mathtext": {"fontset": "dejavusans"},
+    "text": {"usetex": False, "color": INK},
+    "figure": {"facecolor": "white"},
+    "savefig": {"facecolor": "auto", "edgecolor": "auto", "bbox": None, "transparent": False},
+    "axes": {
+        "unicode_minus": True,
+        "facecolor": "white",
+        "edgecolor": FAINT,
+        "linewidth": 0.8,
+        "labelcolor": INK,
+        "labelsize": 11.0,
+        "titlecolor": INK,
+        "titlesize": 11.0,
+        "titlelocation": "left",
+        "titleweight": "normal",
+        "spines.top": False,
+        "spines.right": False,
+        "grid": True,
+        "axisbelow": True,
+        "formatter.useoffset": False,
+        "formatter.limits": (-4, 5),
+        "xmargin": 0.0,
+        "ymargin": 0.08,
+        "prop_cycle": cycler(color=COLORS),
+    },
+    "grid": {"color": GRID, "linewidth": 0.7, "linestyle": "-"},
+    "xtick": _BOTH_TICKS,
+    "ytick": _BOTH_TICKS,
+    "legend": {
+        "frameon": False,
+        "fontsize": 9.5,
+        "handlelength": 2.0,
+        "columnspacing": 1.4,
+        "handletextpad": 0.5,
+        "labelcolor": INK,
+    },
+    "lines": {"linewidth": 1.6, "solid_capstyle": "round", "solid_joinstyle": "round"},
+    "patch": {"linewidth": 1.0},
+    "path": {"simplify": True, "simplify_threshold": 1 / 9},
+}
 STYLE = {
-    "font.family": "DejaVu Sans",
-    "font.size": 10.0,
-    "mathtext.fontset": "dejavusans",
-    "axes.unicode_minus": True,
-    "text.usetex": False,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "auto",
-    "savefig.edgecolor": "auto",
-    "savefig.bbox": None,
-    "savefig.transparent": False,
-    "axes.facecolor": "white",
-    "axes.edgecolor": FAINT,
-    "axes.linewidth": 0.8,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.titlesize": 11.0,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "normal",
-    "axes.labelsize": 11.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-4, 5),
-    "axes.xmargin": 0.0,
-    "axes.ymargin": 0.08,
-    "grid.color": GRID,
-    "grid.linewidth": 0.7,
-    "grid.linestyle": "-",
-    "xtick.color": FAINT,
-    "ytick.color": FAINT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 9.5,
-    "ytick.labelsize": 9.5,
-    "xtick.direction": "out",
-    "ytick.direction": "out",
-    "legend.frameon": False,
-    "legend.fontsize": 9.5,
-    "legend.handlelength": 2.0,
-    "legend.columnspacing": 1.4,
-    "legend.handletextpad": 0.5,
-    "legend.labelcolor": INK,
-    "text.color": INK,
-    "lines.linewidth": 1.6,
-    "lines.solid_capstyle": "round",
-    "lines.solid_joinstyle": "round",
-    "patch.linewidth": 1.0,
-    "path.simplify": True,
-    "path.simplify_threshold": 1 / 9,
+    f"{group}.{name}": value for group, part in _STYLES.items() for name, value in part.items()
 }
 
-VEIL = {
-    "boxstyle": "square,pad=0.05",
-    "facecolor": "white",
-    "edgecolor": "none",
-    "alpha": 0.75,
-}  # behind moving words: a halo takes 6 ms
+#: Behind moving words: a halo takes 6 ms
+VEIL = {"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none", "alpha": 0.75}
 HALO = (patheffects.withStroke(linewidth=3.0, foreground="white"),)
+
+
+def stroke(axes: Axes, **look: Any) -> Line2D:
+    """stroke(axes, color=INK, lw=1.2) -> a line in the axes, still empty."""
+    return axes.add_artist(Line2D([], [], **look))
+
+
+def area(axes: Axes, **look: Any) -> PathPatch:
+    """area(axes, facecolor=INK) -> a patch in the axes, still empty; see `reshape`."""
+    return axes.add_artist(PathPatch(closed(), **look))
+
+
+def word(axes: Axes, x: float, y: float, **look: Any) -> Any:
+    """word(axes, 9, 9, fontsize=9) -> words on a veil, so many points beside their place."""
+    options = {"textcoords": "offset points", "annotation_clip": True, "bbox": VEIL, **look}
+    made = axes.annotate("", (0, 0), xytext=(x, y), **options)
+    made.set_in_layout(False)
+    return made
 
 
 class HouseAxes(Axes):
@@ -154,8 +148,8 @@ class HouseAxes(Axes):
             vars(self).pop(name, None)
         with style():
             super().clear()
-        self._space("x")
-        self._space("y")
+        self._space(self.xaxis)
+        self._space(self.yaxis)
 
     def draw(self, renderer: Any) -> None:
         with ticks_once(self):
@@ -191,18 +185,18 @@ class HouseAxes(Axes):
 
     def _break_labels(self) -> bool:
         """Labels longer than there is room up to the edge of the figure, or to the next axes."""
-        moved, size = False, self.get_figure().get_size_inches()
-        place = self.get_position()
+        moved, figure, place = False, self.get_figure(), self.get_position()
         for axis, k in ((self.xaxis, 0), (self.yaxis, 1)):
             middle = (place.min[k] + place.max[k]) / 2
             others = [
                 ax.get_position()
-                for ax in self.get_figure().axes
+                for ax in figure.axes
                 if ax is not self and (ax.get_xlabel, ax.get_ylabel)[k]()
             ]
             beside = [o for o in others if abs(o.min[1 - k] - place.min[1 - k]) < 0.02]
             rooms = [abs((o.min[k] + o.max[k]) / 2 - middle) for o in beside]
-            room = min([2 * middle, 2 - 2 * middle, *filter(None, rooms)]) * size[k]
+            room = min([2 * middle, 2 - 2 * middle, *filter(None, rooms)])
+            room *= figure.get_size_inches()[k]
             words, label = axis.get_label_text(), axis.label
             if words and (shown := on_lines(self, words, label.get_fontsize(), room)) != words:
                 label.set_text(shown)
@@ -235,13 +229,12 @@ class HouseAxes(Axes):
 
     def _lift(self, words: str) -> bool:
         """Puts a title above a legend that an author has put where the title would be."""
-        if self.get_legend() is None:
+        if (legend := self.get_legend()) is None:
             return False
-        box, dpi = self.get_legend().get_window_extent(), self.get_figure().dpi
-        size = title_size(self)
-        over = (box.y1 - self.bbox.y1) * 72 / dpi
+        box, size, point = legend.get_window_extent(), title_size(self), self.get_figure().dpi / 72
+        over = (box.y1 - self.bbox.y1) / point
         wide = 72 * max(_inches(line, size) for line in words.split("\n"))
-        meet = over > 6 and (box.x0 - self.bbox.x0) * 72 / dpi < wide + size
+        meet = over > 6 and (box.x0 - self.bbox.x0) / point < wide + size
         lift = round(over) if meet else 0
         if lift == self.lifted:
             return False
@@ -249,22 +242,21 @@ class HouseAxes(Axes):
         retitle(self, words, over + 4 if lift else 6)
         return True
 
-    def _space(self, which: str) -> None:
-        if getattr(self, f"get_{which}scale")() == "linear":
-            axis = getattr(self, f"{which}axis")
+    def _space(self, axis: Any) -> None:
+        if axis.get_scale() == "linear":
             axis.set_major_formatter(Numbers())
-            if which == "x":
+            if axis is self.xaxis:
                 axis.set_major_locator(Spaced())
-        elif getattr(self, f"get_{which}scale")() == "log":
-            getattr(self, f"{which}axis").set_minor_formatter(Between())
+        elif axis.get_scale() == "log":
+            axis.set_minor_formatter(Between())
 
     def set_xscale(self, *arguments: Any, **options: Any) -> None:
         super().set_xscale(*arguments, **options)
-        self._space("x")
+        self._space(self.xaxis)
 
     def set_yscale(self, *arguments: Any, **options: Any) -> None:
         super().set_yscale(*arguments, **options)
-        self._space("y")
+        self._space(self.yaxis)
 
     def set_title(self, *arguments: Any, **options: Any) -> Any:
         with style():
@@ -330,27 +322,17 @@ class Figure(matplotlib.figure.Figure):
 
         Artists marked animated are in it.
         """
-        buffer, engine, before = io.BytesIO(), super().get_layout_engine(), (self.dpi, self.frozen)
+        engine, before = super().get_layout_engine(), (self.dpi, self.frozen)
         with style():
             try:
                 self.dpi = dpi
                 self.arrange()
                 self.frozen = True  # savefig would draw everything twice to lay it out
-                self.savefig(
-                    buffer, format="rgba", dpi=dpi
-                )  # the saving path: it draws animated artists as well
+                self.savefig(io.BytesIO(), format="rgba", dpi=dpi)  # draws what is animated, too
             finally:
                 self.dpi, self.frozen = before
                 self.set_layout_engine(engine)  # savefig puts back the one that it has met: none
-        width = int(self.get_figwidth() * dpi + 0.5)
-        pixels = buffer.tell() // 4  # Matplotlib's own rounding may differ by one pixel from ours
-        width = next(
-            w
-            for w in (width, width - 1, width + 1)
-            if pixels % w == 0 and abs(pixels / w - self.get_figheight() * dpi) < 1.5
-        )
-        rgb = Image.frombuffer("RGBA", (width, pixels // width), buffer.getvalue()).convert("RGB")
-        return _palette_png(rgb)
+        return _palette_png(pixels(self.canvas.renderer))
 
     def save_png(self, path: str | os.PathLike, dpi: float = PNG_DPI) -> Path:
         """fig.save_png("spiral.png") -> path, the file written.
@@ -379,6 +361,11 @@ class Figure(matplotlib.figure.Figure):
         width, height = self.css_size
         more = {"width": width, "height": height, "alt": self.alt}
         return {"image/png": self.png()}, {"image/png": more}
+
+
+def pixels(agg: RendererAgg) -> Image.Image:
+    """pixels(agg) -> what it has drawn, without its transparency."""
+    return Image.fromarray(np.asarray(agg.buffer_rgba())).convert("RGB")
 
 
 _BYTES = np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
@@ -432,8 +419,8 @@ def figure(
     width: float = 9.0,
     height: float = 4.0,
     *,
-    sharex: bool | str = False,
-    sharey: bool | str = False,
+    sharex: bool | Literal["all", "row", "col", "none"] = False,
+    sharey: bool | Literal["all", "row", "col", "none"] = False,
     heights: Sequence[float] | None = None,
     widths: Sequence[float] | None = None,
     title: str = "",
@@ -448,26 +435,19 @@ def figure(
     """
     if not (1 <= width <= 40 and 0.5 <= height <= 60):
         raise ModelError(
-            f"a figure of {width} × {height} inches: width must lie in 1 … 40 and height in "
-            "0.5 … 60"
+            f"a figure of {width} × {height} inches: width lies in 1 … 40, height in 0.5 … 60"
         )
     if rows < 0 or columns < 0 or rows * columns > 100:
         raise ModelError(f"a figure of {rows} × {columns} panels: give at most 100")
     for sizes, count, what in ((heights, rows, "heights"), (widths, columns, "widths")):
-        if sizes is not None and len(sizes) != count:
-            raise ModelError(f"{what} of a figure must be {count} numbers, not {sizes!r:.60}")
+        if sizes is not None and not (len(sizes) == count and min(sizes, default=1) > 0):
+            raise ModelError(f"{what} of a figure must be {count} numbers > 0, not {sizes!r:.60}")
     with style():
         fig = Figure(figsize=(width, height), dpi=PNG_DPI, layout="constrained")
         Canvas(fig)
         if rows * columns:
-            fig.subplots(
-                rows,
-                columns,
-                sharex=sharex,
-                sharey=sharey,
-                squeeze=False,
-                gridspec_kw={"height_ratios": heights, "width_ratios": widths},
-            )
+            ratios = {"height_ratios": heights, "width_ratios": widths}
+            fig.subplots(rows, columns, sharex=sharex, sharey=sharey, **ratios)
         if title:
             fig.suptitle(title, x=0.01, ha="left", fontsize=12)
     return fig
@@ -483,15 +463,14 @@ def style() -> Iterator[None]:
     and rcParams belong to all.
     """
     with _one_at_a_time:
-        if rcParams["axes.prop_cycle"] is _CYCLE:  # within another `with style()`
+        if rcParams["axes.prop_cycle"] is STYLE["axes.prop_cycle"]:  # within another `with style()`
             yield
         else:
-            with rc_context({**STYLE, "axes.prop_cycle": _CYCLE}):
+            with rc_context(STYLE):
                 yield
 
 
 _one_at_a_time = threading.RLock()
-_CYCLE = matplotlib.cycler(color=COLORS)
 
 
 @asked
@@ -518,13 +497,10 @@ def symbol(name: str) -> str:
 
 def label(system: System, *names: str) -> str:
     """label(system, "x", "V") -> "$x$ [m], $V$ [m/s]"; one unit for all of them is written once."""
-    units = [system.unit(name) for name in names]
+    units = [f" [{unit}]" if (unit := system.unit(name)) else "" for name in names]
     if len(set(units)) == 1:
-        return ", ".join(map(symbol, names)) + (f" [{units[0]}]" if units[0] else "")
-    return ", ".join(
-        symbol(name) + (f" [{unit}]" if unit else "")
-        for name, unit in zip(names, units, strict=True)
-    )
+        units[:-1] = [""] * (len(units) - 1)
+    return ", ".join(symbol(name) + unit for name, unit in zip(names, units, strict=True))
 
 
 def head(
@@ -590,15 +566,9 @@ def head(
         if legend := axes.get_legend():
             legend.remove()
         if entries:
-            legend = Axes.legend(
-                axes,
-                *zip(*entries, strict=True),
-                **place,
-                ncols=columns,
-                handlelength=handle,
-                borderaxespad=0.2,
-                borderpad=0.2,
-            )
+            place |= {"ncols": columns, "handlelength": handle}
+            place |= {"borderaxespad": 0.2, "borderpad": 0.2}
+            legend = Axes.legend(axes, *zip(*entries, strict=True), **place)
             if not beyond:  # the layout leaves it its height, and no width
                 legend.get_tightbbox = partial(_upright, legend)
 

@@ -5,7 +5,7 @@ Each keeps its artists and can `redo()` them for other parameters or limits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,29 +13,31 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from ..model import ModelError
 from ..run import Run
 from ..runs import Runs
-from .figure import COLORS, DASHES, FAINT, INK, VEIL, figure, label, mode_colors, style, symbol
+from .figure import (
+    COLORS,
+    DASHES,
+    FAINT,
+    INK,
+    area,
+    figure,
+    label,
+    mode_colors,
+    stroke,
+    style,
+    symbol,
+    word,
+)
 from .plane import GRID, Limits, Plane, contour, find_equilibria, separatrices
-from .private import reshape
+from .private import closed, reshape
 from .ticks import said
-from .time import _jumps, _sample, _segments
+from .time import jumps, sample, segments
 from .view import View
 from .words import MODE
-
-__all__ = [
-    "DirectionField",
-    "Equilibria",
-    "GuardLines",
-    "Layer",
-    "Nullclines",
-    "Separatrices",
-    "Trajectories",
-]
 
 
 class Layer(View):
@@ -51,9 +53,8 @@ class Layer(View):
 
     @property
     def limits(self) -> Limits:
-        return tuple(sorted(map(float, self.axes.get_xlim()))), tuple(
-            sorted(map(float, self.axes.get_ylim()))
-        )  # type: ignore[return-value]
+        x, y = (sorted(map(float, get())) for get in (self.axes.get_xlim, self.axes.get_ylim))
+        return tuple(x), tuple(y)  # type: ignore[return-value]
 
     @property
     def shape(self) -> float:
@@ -61,10 +62,19 @@ class Layer(View):
         box = self.axes.bbox  # get_position() would declare the axes changed
         return float(box.width / box.height)
 
-    def _add(self, artist: Any) -> Any:
-        self.axes.add_artist(artist)
-        self.artists.append(artist)
-        return artist
+    def _stroke(self, **look: Any) -> Line2D:
+        self.artists.append(stroke(self.axes, **look))
+        return self.artists[-1]  # type: ignore[return-value]
+
+    def _place(self, shares: np.ndarray) -> np.ndarray:
+        """Points (…, 2) in units of the picture, from 0 to 1, where they belong in the axes."""
+        low, high = np.array(self.limits).T
+        return low + shares * (high - low)
+
+    def _shares(self, points: np.ndarray) -> np.ndarray:
+        """And back: places in the axes in units of the picture."""
+        low, high = np.array(self.limits).T
+        return (points - low) / (high - low)
 
     def _mode_color(self, mode: str) -> str:
         return self.colors[mode] if len(self.colors) > 1 else FAINT
@@ -90,106 +100,68 @@ class DirectionField(Layer):
     def __init__(self, axes: Axes, plane: Plane, points: int = 15):
         super().__init__(axes, plane)
         self.points = points
-        self.lines = [
-            self._add(
-                Line2D(
-                    [],
-                    [],
-                    color=self._mode_color(mode),
-                    linewidth=0.8,
-                    alpha=0.55,
-                    zorder=1.2,
-                    solid_joinstyle="miter",
-                )
-            )
-            for mode in plane.modes
-        ]
+        look = {"lw": 0.8, "alpha": 0.55, "zorder": 1.2, "solid_joinstyle": "miter"}
+        self.lines = [self._stroke(color=self._mode_color(mode), **look) for mode in plane.modes]
         self.redo()
 
     def redo(self) -> None:
         rows = self.points
         columns = min(max(round(rows * self.shape), 5), 60)
         (x0, x1), (y0, y1) = self.limits
-        X, Y = (
-            a.ravel()
-            for a in np.meshgrid(
-                x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0),
-                y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0),
-            )
-        )
+        places = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (columns, rows)))
+        X, Y = x0 + places[0].ravel() * (x1 - x0), y0 + places[1].ravel() * (y1 - y0)
         governing = self.plane.governing(X, Y)
+        # On paper, in units of the axes' height: lengths there are alike, whatever the units of x
+        # and y are.
+        paper = np.array([self.shape, 1.0])
+        scale = paper / (x1 - x0, y1 - y0)
         for i, (mode, line) in enumerate(zip(self.plane.modes, self.lines, strict=True)):
-            here = governing == i
-            x, y = X[here], Y[here]
+            x, y = X[governing == i], Y[governing == i]
             if not len(x):
                 line.set_data([], [])
                 continue
-            f, g = self.plane.flow(mode, x, y)
-            # Directions on paper: in units of the axes' height. Lengths there are alike, whatever
-            # the units of x and y are.
-            a, b = f / (x1 - x0) * self.shape, g / (y1 - y0)
-            speed = np.hypot(a, b)
+            way = np.column_stack(self.plane.flow(mode, x, y)) * scale
+            speed = np.hypot(*way.T)[:, None]
             with np.errstate(all="ignore"):
-                a, b = (np.where(speed > 0, v / speed, 0.0 * speed) for v in (a, b))
-            length = 0.62 / rows
-            place = np.column_stack([(x - x0) / (x1 - x0) * self.shape, (y - y0) / (y1 - y0)])
-            way, across = length * np.column_stack([a, b]), length * np.column_stack([-b, a])
-            tail, tip = place - 0.5 * way, place + 0.5 * way
-            barb = 0.28
+                way = 0.62 / rows * np.where(speed > 0, way / speed, 0.0 * speed)
+            across = way[:, ::-1] * (-1, 1)
+            place = np.column_stack([x - x0, y - y0]) * scale
+            tail, tip, barb = place - 0.5 * way, place + 0.5 * way, 0.28
             left, right = (tip - barb * way + side * 0.6 * barb * across for side in (1, -1))
             up = np.full_like(tip, np.nan)
-            strokes = np.stack([tail, tip, up, left, tip, right, up], axis=1).reshape(
-                -1, 2
-            )  # nothing is drawn twice: Agg would darken it
-            line.set_data(
-                x0 + strokes[:, 0] / self.shape * (x1 - x0), y0 + strokes[:, 1] * (y1 - y0)
-            )
+            # nothing is drawn twice: Agg would darken it
+            strokes = np.stack([tail, tip, up, left, tip, right, up], axis=1).reshape(-1, 2)
+            line.set_data(*self._place(strokes / paper).T)
 
 
 class Nullclines(Layer):
     """The curves dx/dt = 0 (dotted) and dy/dt = 0 (dash-dotted), where their mode holds."""
 
-    def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
+    def __init__(self, axes: Axes, plane: Plane):
         super().__init__(axes, plane)
-        self.points = points
-        looks = ((0, (1.2, 1.6)), (0, (6, 1.8, 1.2, 1.8)))
-        self.lines = [
-            self._add(
-                Line2D([], [], color=INK, linewidth=1.1, alpha=0.75, linestyle=look, zorder=2)
-            )
-            for look in looks
-        ]
+        look = {"color": INK, "lw": 1.1, "alpha": 0.75, "zorder": 2}
+        dashes = ((0, (1.2, 1.6)), (0, (6, 1.8, 1.2, 1.8)))
+        self.lines = [self._stroke(ls=dash, **look) for dash in dashes]
         self.redo()
 
     def redo(self) -> None:
-        curves: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+        curves: list[list[np.ndarray]] = [[], []]
         for i, mode in enumerate(self.plane.modes):
             if not self.plane.is_plane(mode):
                 continue
-            values = self.plane.flow_on_grid(mode, self.limits, self.points)
-            for k in (0, 1):
-                curves[k].extend(
-                    contour(
-                        lambda x, y, k=k, mode=mode: self.plane.flow(mode, x, y)[k],
-                        self.limits,
-                        self.points,
-                        values[k],
-                        keep=lambda x, y, i=i: self.plane.governing(x, y) == i,
-                    )
+            for k, values in enumerate(self.plane.flow_on_grid(mode, self.limits, GRID)):
+                curves[k] += contour(
+                    lambda x, y, k=k, mode=mode: self.plane.flow(mode, x, y)[k],
+                    self.limits,
+                    values=values,
+                    keep=lambda x, y, i=i: self.plane.governing(x, y) == i,
                 )
         for line, found in zip(self.lines, curves, strict=True):
-            line.set_data(*_strung(found))
+            line.set_data(*strung(found))
 
     def legend(self) -> list[tuple[Artist, str]]:
         names = [rf"d{symbol(name)}/d$t$ = 0" for name in (self.plane.x, self.plane.y)]
-        return [
-            (
-                _sample(line),
-                name,
-            )
-            for line, name in zip(self.lines, names, strict=True)
-            if len(line.get_xdata())
-        ]
+        return _samples(self.lines, names)
 
 
 class Separatrices(Layer):
@@ -197,24 +169,20 @@ class Separatrices(Layer):
 
     def __init__(self, axes: Axes, plane: Plane):
         super().__init__(axes, plane)
-        look = {"color": COLORS[3], "linewidth": 1.8, "zorder": 3.4, "dash_capstyle": "butt"}
-        self.lines = [
-            self._add(Line2D([], [], linestyle=dash, **look)) for dash in ("-", (0, (6, 2)))
-        ]
+        look = {"color": COLORS[3], "lw": 1.8, "zorder": 3.4, "dash_capstyle": "butt"}
+        self.lines = [self._stroke(ls=dash, **look) for dash in DASHES[:2]]
         self.redo()
 
     def redo(self) -> None:
         found = separatrices(self.plane, self.limits)
         for line, curves in zip(self.lines, found, strict=True):
-            line.set_data(*_strung(curves))
+            line.set_data(*strung(curves))
 
     def points(self) -> list[np.ndarray]:
         return [line.get_xydata() for line in self.lines]
 
     def legend(self) -> list[tuple[Artist, str]]:
-        names = ("into the saddle", "out of the saddle")
-        pairs = zip(self.lines, names, strict=True)
-        return [(_sample(line), name) for line, name in pairs if len(line.get_xdata())]
+        return _samples(self.lines, ("into the saddle", "out of the saddle"))
 
 
 class Equilibria(Layer):
@@ -223,78 +191,46 @@ class Equilibria(Layer):
     Stable full, unstable empty, centre grey, saddle a cross. `found` lists them.
     """
 
-    def __init__(self, axes: Axes, plane: Plane, words: int = 8):
+    def __init__(self, axes: Axes, plane: Plane):
         super().__init__(axes, plane)
-        look = {
-            "linestyle": "none",
-            "zorder": 6,
-            "markersize": 8,
-            "markeredgecolor": INK,
-            "markeredgewidth": 1.4,
-        }
-        marks = (
-            ("stable", "o", INK),
-            ("unstable", "o", "white"),
-            ("centre", "o", "#B5B5B5"),
-            ("saddle", "X", "white"),
-            ("", "s", "white"),
-        )
+        look = {"ls": "none", "zorder": 6, "ms": 8, "mec": INK, "mew": 1.4}
         self.marks = {
-            kind: self._add(Line2D([], [], marker=marker, markerfacecolor=face, **look))
-            for kind, marker, face in marks
-        }  # type: ignore[arg-type]
-        self.words: list[Any] = []
+            "stable": self._stroke(marker="o", mfc=INK, **look),
+            "unstable": self._stroke(marker="o", mfc="white", **look),
+            "centre": self._stroke(marker="o", mfc="#B5B5B5", **look),
+            "saddle": self._stroke(marker="X", mfc="white", **look),
+            "": self._stroke(marker="s", mfc="white", **look),
+        }
+        self.words = [word(axes, 9, 9, fontsize=9.5, zorder=7) for _ in range(8)]
         self._said: dict[int, tuple] = {}  # what the words say, where
-        for _ in range(words):
-            text = axes.annotate(
-                "",
-                (0, 0),
-                xytext=(9, 9),
-                textcoords="offset points",
-                fontsize=9.5,
-                zorder=7,
-                bbox=VEIL,
-                annotation_clip=True,
-            )
-            text.set_in_layout(False)
-            self.words.append(text)
         self.artists += self.words
         self.redo()
 
     def redo(self) -> None:
         self.found = find_equilibria(self.plane, self.limits)
-        for kind, mark in self.marks.items():
-            mine = [
-                (x, y)
-                for x, y, _, word in self.found
-                if kind == next(k for k in self.marks if word.startswith(k))
-            ]
-            mark.set_data([x for x, _ in mine], [y for _, y in mine])
+        for mark in self.marks.values():
+            mark.set_data([], [])
+        for x, y, _, words in self.found:
+            mark = next(mark for kind, mark in self.marks.items() if words.startswith(kind))
+            mark.set_data([*mark.get_xdata(), x], [*mark.get_ydata(), y])
         self.name()
 
     def name(self) -> None:
         """Puts the words where they have room in axes of this size; too narrow, there are none."""
         (x0, x1), (y0, y1) = self.limits
         wide = self.axes.bbox.width / self.figure.dpi
-        taken: list[tuple[float, float, float, float]] = []
+        taken: list[tuple[float, float, float]] = []
         for k, (text, (x, y, _, kind)) in enumerate(zip(self.words, self.found, strict=False)):
-            place = f"({said(x)}, {said(y)})"
-            words = f"{kind}\n{place}"
+            words = f"{kind}\n({said(x)}, {said(y)})"
             if len(self.found) > 3 or 0.075 * len(kind) > 0.6 * wide:  # the marks stand close
                 words = kind.replace(" ", "\n", 1)
-            side, up = self._free_corner(
-                (x - x0) / (x1 - x0), (y - y0) / (y1 - y0), max(map(len, words.split("\n"))), taken
-            )
-            across = max(x - x0, x1 - x) / (x1 - x0) * wide
-            fits = 0.075 * max(map(len, words.split("\n"))) < across + 0.2
+            letters, right = max(map(len, words.split("\n"))), (x - x0) / (x1 - x0)
+            side, up = self._free_corner(right, (y - y0) / (y1 - y0), letters, taken)
+            fits = 0.075 * letters < max(right, 1 - right) * wide + 0.2
             new = words, x, y, side, up, fits
             if self._said.get(k) != new:  # else a picture need not be sent words that it has
-                text.set(
-                    text=words,
-                    visible=fits,
-                    ha="left" if side > 0 else "right",
-                    va="bottom" if up > 0 else "top",
-                )
+                across, upwards = "left" if side > 0 else "right", "bottom" if up > 0 else "top"
+                text.set(text=words, visible=fits, ha=across, va=upwards)
                 text.xy = (x, y)
                 text.set_position((9 * side, 7 * up))
                 self._said[k] = new
@@ -303,26 +239,25 @@ class Equilibria(Layer):
             del self._said[k]
 
     def _free_corner(
-        self, x: float, y: float, letters: int, taken: list[tuple[float, float, float, float]]
+        self, x: float, y: float, letters: int, taken: list[tuple[float, float, float]]
     ) -> tuple[int, int]:
         """The corner of a mark where its words meet neither edge nor others; estimated."""
-        dpi = self.figure.dpi
-        wide = 0.85 * self.axes.bbox.width / dpi  # the layout makes room for a legend later
-        w, h, off = 0.075 * letters / wide, 0.36 * dpi / self.axes.bbox.height, 0.125 / wide
-        corners = [
-            (side, up, min(x + side * off, x + side * (off + w)), min(y, y + up * h))
-            for up in (1, -1)
-            for side in (1, -1)
-        ]
+        dpi, box = self.figure.dpi, self.axes.bbox
+        wide = 0.85 * box.width / dpi  # the layout makes room for a legend later
+        w, h, off = 0.075 * letters / wide, 0.36 * dpi / box.height, 0.125 / wide
 
-        def clashes(a: float, b: float) -> float:
+        def corner(side: int, up: int) -> tuple[float, float]:
+            return min(x + side * off, x + side * (off + w)), min(y, y + up * h)
+
+        def clashes(way: tuple[int, int]) -> float:
+            a, b = corner(*way)
             return 10.0 * (a < 0 or b < 0 or a + w > 1 or b + h > 1) + sum(
-                c - w < a < c + e and abs(b - d) < 0.95 * h for c, d, e, _ in taken
+                c - w < a < c + e and abs(b - d) < 0.95 * h for c, d, e in taken
             )
 
-        side, up, a, b = min(corners, key=lambda corner: clashes(corner[2], corner[3]))
-        taken.append((a, b, w, h))
-        return side, up
+        best = min(((1, 1), (-1, 1), (1, -1), (-1, -1)), key=clashes)
+        taken.append((*corner(*best), w))
+        return best
 
 
 class GuardLines(Layer):
@@ -332,74 +267,41 @@ class GuardLines(Layer):
     of the plane stands still (a body at rest) has none in it.
     """
 
-    def __init__(self, axes: Axes, plane: Plane, points: int = GRID):
+    def __init__(self, axes: Axes, plane: Plane):
         super().__init__(axes, plane)
-        self.points = points
-        self.lines = {
-            mode: self._add(
-                Line2D(
-                    [],
-                    [],
-                    color=self._mode_color(mode),
-                    linewidth=1.3,
-                    linestyle=(0, (5, 2.5)),
-                    zorder=2.5,
-                )
-            )
-            for mode in plane.modes
+        look = {"lw": 1.3, "ls": (0, (5, 2.5)), "zorder": 2.5}
+        colors = {mode: self._mode_color(mode) for mode in plane.modes}
+        self.lines = {mode: self._stroke(color=color, **look) for mode, color in colors.items()}
+        self.words = {
+            (mode, i): word(axes, 4, -4, fontsize=9, zorder=6.5, color=color)
+            for mode, color in colors.items()
+            for i in plane.guards(mode)
         }
-        self.words = {}
-        for mode in plane.modes:
-            for i in plane.system.leaving[mode]:
-                if plane.system.transitions[i].guard is not None:
-                    text = axes.annotate(
-                        "",
-                        (0, 0),
-                        xytext=(4, -4),
-                        textcoords="offset points",
-                        fontsize=9,
-                        zorder=6.5,
-                        bbox=VEIL,
-                        color=self.lines[mode].get_color(),
-                        annotation_clip=True,
-                    )
-                    text.set_in_layout(False)
-                    self.words[mode, i] = text
         self.artists += self.words.values()
         self._placed: dict[tuple[str, int], np.ndarray] = {}
         self.redo()
 
     def redo(self) -> None:
-        limits, self.omitted = self.limits, []
-        named: list[
-            tuple[str, list[np.ndarray]]
-        ] = []  # two modes may turn on the same line by the same name: written once
+        plane, limits, self.omitted = self.plane, self.limits, []
+        # two modes may turn on the same line by the same name: written once
+        named: list[tuple[str, list[np.ndarray]]] = []
         self.curves: dict[tuple[str, int], list[np.ndarray]] = {}
         for mode, line in self.lines.items():
             curves = []
-            still = self.plane.stands_still(mode, limits)
-            for i in self.plane.system.leaving[mode]:
-                if (mode, i) not in self.words:
-                    continue
-                transition = self.plane.system.transitions[i]
-                found: list[np.ndarray] = []
-                if transition.guard is None or still:  # nothing moves across its guards
-                    pass
-                elif self.plane.guard_depends_on_time(transition, mode, limits):
+            still = plane.stands_still(mode, limits)  # nothing moves across its guards
+            for i in () if still else plane.guards(mode):
+                transition = plane.system.transitions[i]
+                if plane.guard_depends_on_time(transition, mode, limits):
                     self.omitted.append(transition.name)
-                else:
-                    found = contour(
-                        lambda x, y, tr=transition, mode=mode: self.plane.guard(tr, mode, x, y),
-                        limits,
-                        self.points,
-                    )
-                curves += found
-                again = any(
-                    transition.name == name and _alike(found, others) for name, others in named
+                    continue
+                found = contour(
+                    lambda x, y, tr=transition, mode=mode: plane.guard(tr, mode, x, y), limits
                 )
+                curves += found
+                if not any(transition.name == name and _alike(found, one) for name, one in named):
+                    self.curves[mode, i] = found
                 named.append((transition.name, found))
-                self.curves[mode, i] = [] if again else found
-            line.set_data(*_strung(curves))
+            line.set_data(*strung(curves))
         self.name()
 
     def name(self, others: Sequence[Layer] = ()) -> None:
@@ -407,14 +309,12 @@ class GuardLines(Layer):
 
         The names stay where they are until another place is clearly better.
         """
-        (x0, x1), (y0, y1) = self.limits
-        corner, size = np.array([x0, y0]), np.array([x1 - x0, y1 - y0])
         paths = {
-            key: [_dense((curve - corner) / size) for curve in curves]
+            key: [_dense(self._shares(curve)) for curve in curves]
             for key, curves in self.curves.items()
         }
         drawn = [
-            (points - corner) / size
+            self._shares(points)
             for layer in others
             if isinstance(layer, Trajectories | Separatrices)
             for points in layer.points()
@@ -471,8 +371,7 @@ class GuardLines(Layer):
         spot, right, up, corners = best[1]
         taken.append(corners)
         self._placed[key] = corners
-        (x0, x1), (y0, y1) = self.limits
-        text.xy = (x0 + spot[0] * (x1 - x0), y0 + spot[1] * (y1 - y0))
+        text.xy = tuple(self._place(spot))
         text.set(text=name, ha="left" if right else "right", va="bottom" if up else "top")
         text.set_position((5 if right else -5, 4 if up else -4))
 
@@ -495,85 +394,45 @@ def _alike(some: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> bool:
         np.concatenate([c[np.isfinite(c).all(axis=1)] for c in curves]) for curves in (some, others)
     )
     size = np.maximum(np.ptp(np.concatenate([a, b]), axis=0), 1e-12)
-    flat = [
-        int(k)
-        for k in range(2)
-        if np.ptp(a[:, k]) <= 1e-9 * size[k] and np.ptp(b[:, k]) <= 1e-9 * size[k]
-    ]
-    if flat:  # straight along an axis: the same line, even where the parts differ
-        return bool(abs(a[0, flat[0]] - b[0, flat[0]]) <= 1e-9 * max(1.0, abs(a[0, flat[0]])))
+    for k in (0, 1):
+        if max(np.ptp(a[:, k]), np.ptp(b[:, k])) <= 1e-9 * size[k]:
+            # straight along an axis: the same line, even where the parts differ
+            return bool(abs(a[0, k] - b[0, k]) <= 1e-9 * max(1.0, abs(a[0, k])))
     return len(a) == len(b) and bool(np.allclose(a, b, rtol=0, atol=1e-6 * size))
 
 
 class Trajectories(Layer):
     """Trajectories in the colours of their modes: jumps dashed, dots at the starts, arrows."""
 
-    def __init__(
-        self, axes: Axes, plane: Plane, runs: Run | Runs, bold: bool = False, arrows: bool = True
-    ):
+    def __init__(self, axes: Axes, plane: Plane, runs: Run | Runs, bold: bool = False):
         super().__init__(axes, plane)
-        self.runs, self.arrows = runs, arrows
-        self.keys = list(plane.system.modes)
         width, z = (2.2, 5.0) if bold else (0.9, 3.0)
-        alone = len(self.keys) == 1
-        self.jumps = self._add(
-            Line2D(
-                [],
-                [],
-                color=INK,
-                linewidth=1.1 if bold else 0.6,
-                alpha=0.8 if bold else 0.5,
-                linestyle=(0, (3, 2)),
-                zorder=z - 0.1,
-            )
-        )
-        colors = {
-            key: (INK if bold else color) if alone else color for key, color in self.colors.items()
-        }
-        self.dashes = [
-            DASHES[k % len(DASHES)] if bold else "-" for k in range(len(colors))
-        ]  # the colours of modes are alike in grey print
-        look = {"linewidth": width, "alpha": 1.0 if bold else 0.85, "zorder": z}
-        # Strokes of their own: one that crosses itself a thousand times takes far longer to paint
+        look = {"lw": 1.1 if bold else 0.6, "alpha": 0.8 if bold else 0.5, "ls": (0, (3, 2))}
+        self.jumps = self._stroke(color=INK, zorder=z - 0.1, **look)
+        colors = list(self.colors.values())
+        if len(colors) == 1 and bold:
+            colors = [INK]
+        # the colours of modes are alike in grey print
+        self.dashes = [DASHES[k % len(DASHES)] if bold else "-" for k in range(len(colors))]
+        look = {"lw": width, "alpha": 1.0 if bold else 0.85, "zorder": z}
         if isinstance(runs, Runs):
-            made: list[Any] = [
-                LineCollection([], colors=[color], capstyle="round", joinstyle="round", **look)
-                for color in colors.values()
-            ]
+            # Strokes of their own: one that crosses itself a thousand times takes far longer
+            look |= {"capstyle": "round", "joinstyle": "round"}
+            self.lines = [axes.add_artist(LineCollection([], colors=[c], **look)) for c in colors]
+            self.artists += self.lines
         else:
-            made = [
-                Line2D([], [], color=color, linestyle=dash, dash_capstyle="butt", **look)
-                for color, dash in zip(colors.values(), self.dashes, strict=True)
-            ]
-        self.lines = [self._add(line) for line in made]
-        self.heads = [
-            self._add(
-                PathPatch(Path(np.zeros((0, 2))), facecolor=color, linewidth=0, zorder=z + 0.1)
-            )
-            for color in colors.values()
-        ]
-        self.starts = self._add(
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                markersize=6 if bold else 3.2,
-                markerfacecolor="white",
-                markeredgecolor=INK,
-                markeredgewidth=1.3 if bold else 0.8,
-                zorder=z + 0.2,
-            )
-        )
+            look |= {"dash_capstyle": "butt"}
+            pairs = zip(colors, self.dashes, strict=True)
+            self.lines = [self._stroke(color=color, ls=dash, **look) for color, dash in pairs]
+        self.heads = [area(axes, facecolor=color, lw=0, zorder=z + 0.1) for color in colors]
+        self.artists += self.heads
+        look = {"ms": 6 if bold else 3.2, "mfc": "white", "mec": INK, "mew": 1.3 if bold else 0.8}
+        self.starts = self._stroke(ls="none", marker="o", zorder=z + 0.2, **look)
         self.size = 0.034 if bold else 0.024
-        self.set(runs)
-
-    def update(self, run: Run | Runs) -> None:
-        """layer.update(runs): other trajectories in the same artists."""
-        self.set(run)
+        self.update(runs)
 
     def redo(self) -> None:
-        self.set(self.runs)
+        self.update(self.runs)
 
     def points(self) -> list[np.ndarray]:
         """What lies on the picture, as places: at most 2000."""
@@ -581,25 +440,24 @@ class Trajectories(Layer):
         few = slice(None, None, max(1, len(x) // 2000))
         return [np.column_stack([x[few], y[few]])]
 
-    def set(self, runs: Run | Runs) -> None:
-        self.runs = runs
+    def update(self, run: Run | Runs) -> None:
+        """layer.update(runs): other trajectories in the same artists."""
+        runs = self.runs = run
         X, Y = runs[self.plane.x], runs[self.plane.y]
         t, modes = runs.t, runs.mode_index
         if isinstance(runs, Run):
             X, Y, t, modes = X[None], Y[None], t[None], modes[None]
         self.starts.set_data(X[:, 0], Y[:, 0])
-        if self.arrows:
-            self._put_arrows(X, Y, modes)
-        if (
-            len(self.lines) == 1 and not modes.any() and not (t[:, 1:] == t[:, :-1]).any()
-        ):  # no lane ends early, none has an event: as most of them
+        self._put_arrows(X, Y, modes)
+        # no lane ends early, none has an event: as most of them
+        if len(self.lines) == 1 and not modes.any() and not (t[:, 1:] == t[:, :-1]).any():
             self.jumps.set_data([], [])
             return self._put(self.lines[0], list(np.stack([X, Y], axis=2)))
         gap = np.full((len(X), 1), np.nan)
         x, y, time = (np.hstack([a, gap]).ravel() for a in (X, Y, t))
         mode = np.hstack([modes, np.full((len(X), 1), -1)]).ravel()
-        at = _jumps(time, x, y)
-        self.jumps.set_data(_segments(x[at], x[at + 1]), _segments(y[at], y[at + 1]))
+        at = jumps(time, x, y)
+        self.jumps.set_data(segments(x[at], x[at + 1]), segments(y[at], y[at + 1]))
         jumping = np.zeros(len(x), dtype=bool)
         jumping[at] = True
         for i, line in enumerate(self.lines):
@@ -611,7 +469,7 @@ class Trajectories(Layer):
         if isinstance(line, LineCollection):
             line.set_segments(curves)
         else:
-            line.set_data(*_strung(curves))
+            line.set_data(*strung(curves))
 
     def _put_arrows(self, X: np.ndarray, Y: np.ndarray, modes: np.ndarray) -> None:
         """Arrow heads at set distances along each trajectory, as on paper, inside the picture."""
@@ -625,38 +483,40 @@ class Trajectories(Layer):
         inside = (x > 0) & (x < shape) & (y > 0) & (y < 1)
         step = np.where(np.isfinite(step) & inside[:, :-1], step, 0.0)
         way, shares = np.cumsum(step, axis=1), np.array([0.12, 0.45, 0.9] if len(X) < 60 else [0.2])
-        k = np.minimum(
-            (way[:, None] < shares[:, None]).sum(axis=2), step.shape[1] - 1
-        )  # of each trajectory and share
+        # of each trajectory and share
+        k = np.minimum((way[:, None] < shares[:, None]).sum(axis=2), step.shape[1] - 1)
         long = np.take_along_axis(step, k, axis=1)
         use = (way[:, -1:] > shares + size) & (long > 0) & (long < 0.2)
         at = np.nonzero(use)[0], k[use]
         across = np.column_stack([dx[at], dy[at]]) / step[at][:, None]
         tip = np.column_stack([x[at], y[at]]) + 0.5 * size * across
         side = 0.38 * size * np.column_stack([-across[:, 1], across[:, 0]])
-        corners = np.stack(
-            [tip, tip - size * across + side, tip - size * across - side, tip], axis=1
-        ) * [(x1 - x0) / shape, y1 - y0] + [x0, y0]
+        back = tip - size * across
+        corners = self._place(np.stack([tip, back + side, back - side, tip], axis=1) / (shape, 1))
         for i, head in enumerate(self.heads):
             mine = corners[modes[at] == i]
             reshape(head, Path(mine.reshape(-1, 2), np.tile(_TRIANGLE, len(mine))))
 
     def legend(self) -> list[tuple[Artist, str]]:
+        if len(self.colors) == 1:
+            return []
         looks = zip(self.colors.items(), self.dashes, strict=True)
-        return (
-            [
-                (Line2D([], [], color=color, linewidth=1.8, linestyle=dash, gid=MODE), mode)
-                for (mode, color), dash in looks
-            ]
-            if len(self.colors) > 1
-            else []
-        )
+        return [
+            (Line2D([], [], color=color, lw=1.8, ls=dash, gid=MODE), mode)
+            for (mode, color), dash in looks
+        ]
 
 
-_TRIANGLE = np.array([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=Path.code_type)
+_TRIANGLE = closed(np.zeros((3, 2))).codes
 
 
-def _strung(curves: Sequence[np.ndarray]) -> np.ndarray:
+def _samples(lines: Sequence[Line2D], names: Sequence[str]) -> list[tuple[Artist, str]]:
+    """What a legend says of lines that there are."""
+    pairs = zip(lines, names, strict=True)
+    return [(sample(line), name) for line, name in pairs if len(line.get_xdata())]
+
+
+def strung(curves: Sequence[np.ndarray]) -> np.ndarray:
     """Many polylines -> x and y of one, with NaN between them."""
     if not curves:
         return np.empty((2, 0))
@@ -688,20 +548,3 @@ def stage(
         axes.set_xlim(*limits[0])
         axes.set_ylim(*limits[1])
     return axes
-
-
-def layer(
-    kind: type[Layer],
-    system: Any,
-    x: str | None,
-    y: str | None,
-    axes: Axes | None,
-    limits: Limits | None,
-    mode: str | None,
-    t: float,
-    at: Mapping[str, float] | None,
-    parameters: Mapping[str, float],
-    **options: Any,
-) -> Any:
-    plane = Plane(system, x, y, mode=mode, t=t, at=at, p=system.values(parameters))
-    return kind(stage(plane, axes, limits), plane, **options)

@@ -17,13 +17,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..arguments import asked
-from ..model import ModelError
+from ..model import ModelError, listed
 from ..run import Run
-from .figure import COLORS, DASHES, FAINT, INK
-from .layers import _strung
+from .figure import COLORS, DASHES, FAINT, INK, stroke
+from .layers import strung
 from .view import Shows, View
-
-__all__ = ["Handle", "Overlay"]
 
 
 class Handle(View):
@@ -57,31 +55,23 @@ class Handle(View):
             raise ModelError(
                 "a Handle needs the names of two parameters or states, or place= and values="
             )
-        self.axes, self.figure, self.meaning = (
-            axes,
-            axes.get_figure(),
-            meaning or ", ".join(names) or "handle",
-        )
-        self.click = click
-        self.place = place or (
-            lambda run: tuple(
-                run.start[name] if name in run.start else getattr(run.p, name) for name in names
-            )
-        )
+        self.axes, self.figure, self.click = axes, axes.get_figure(), click
+        self.meaning = meaning or ", ".join(names) or "handle"
+        self.names = names
+        self.place = place or self._stands
         self.values = values or (lambda x, y: dict(zip(names, (x, y), strict=True)))
-        self.dot = Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker="o",
-            markersize=10,
-            markerfacecolor="white",
-            markeredgecolor=color,
-            markeredgewidth=2.4,
-            zorder=9,
-        )
-        axes.add_artist(self.dot)
+        look = {"ls": "none", "marker": "o", "ms": 10, "mfc": "white", "mec": color, "mew": 2.4}
+        self.dot = stroke(axes, zorder=9, **look)
         self.artists = [self.dot]
+
+    def _stands(self, run: Run) -> tuple[float, ...]:
+        known = {**run.p._asdict(), **run.start}
+        if unknown := [name for name in self.names if name not in known]:
+            raise ModelError(
+                f"a Handle names {listed(unknown)}, no parameter or state of {run.system.name!r}; "
+                f"there are {listed(known)}"
+            )
+        return tuple(known[name] for name in self.names)
 
     def update(self, run: Run) -> None:
         self.at_place = tuple(map(float, self.place(run)))
@@ -99,33 +89,27 @@ class Overlay(View):
 
     def __init__(self, shows: Iterable[Shows]):
         self.shows = list(shows)
-        grey = {"color": FAINT, "linewidth": 2.6, "alpha": 0.55, "zorder": 2.7}
-        self.ghosts = [  # told apart by their dashes, as the curves are
-            [Line2D([], [], **grey, linestyle=DASHES[k % 4]) for k, _ in enumerate(show.names)]
-            for show in self.shows
-        ]
-        dots = {"linestyle": "none", "marker": "o"}
-        self.lines = self._each(color=INK, linewidth=0.9, alpha=0.7, zorder=8)
-        for show, line in zip(self.shows, self.lines, strict=True):
-            line.set_transform(show.axes.get_xaxis_transform())
-        self.dots = self._each(
-            **dots, markersize=7, color=COLORS[1], markeredgecolor="white", zorder=8.5
-        )
-        self.curves = self._each(color=COLORS[2], linewidth=1.5, zorder=4.6)
-        self.starts = self._each(
-            **dots, markersize=5, color=COLORS[2], markerfacecolor="white", zorder=4.7
-        )
-        self.artists = []
-        for show, *artists, ghosts in zip(
-            self.shows, self.lines, self.dots, self.curves, self.starts, self.ghosts, strict=True
-        ):
-            for artist in (*artists, *ghosts):
-                artist.set_in_layout(False)
-                show.axes.add_artist(artist)
-                self.artists.append(artist)
+        self.artists, self.lines, self.dots = [], [], []
+        self.curves, self.starts, self.ghosts = [], [], []
+        dots = {"ls": "none", "marker": "o"}
+        orange = {"color": COLORS[1], "mec": "white", "zorder": 8.5}
+        green = {"color": COLORS[2], "mfc": "white", "zorder": 4.7}
+        grey = {"color": FAINT, "lw": 2.6, "alpha": 0.55, "zorder": 2.7}
+        for show in self.shows:
+            ax, upright = show.axes, show.axes.get_xaxis_transform()
+            look = {"color": INK, "lw": 0.9, "alpha": 0.7, "zorder": 8}
+            self.lines.append(self._stroke(ax, transform=upright, **look))
+            self.dots.append(self._stroke(ax, ms=7, **dots, **orange))
+            self.curves.append(self._stroke(ax, color=COLORS[2], lw=1.5, zorder=4.6))
+            self.starts.append(self._stroke(ax, ms=5, **dots, **green))
+            # told apart by their dashes, as the curves are
+            dashes = [DASHES[k % len(DASHES)] for k, _ in enumerate(show.names)]
+            self.ghosts.append([self._stroke(ax, ls=dash, **grey) for dash in dashes])
 
-    def _each(self, **look: Any) -> list[Line2D]:
-        return [Line2D([], [], **look) for _ in self.shows]
+    def _stroke(self, axes: Axes, **look: Any) -> Line2D:
+        self.artists.append(stroke(axes, **look))
+        self.artists[-1].set_in_layout(False)
+        return self.artists[-1]  # type: ignore[return-value]
 
     def update(self, run: Run) -> None:
         """Nothing: what stands here belongs to instants and to other runs."""
@@ -141,14 +125,14 @@ class Overlay(View):
             for name, line in zip(show.names, lines, strict=True):
                 line.set_data(*(([], []) if run is None else show.curve(run, name)))
 
-    def add(self, runs: Sequence[Run]) -> None:
+    def add(self, runs: Sequence[Run | Mapping[str, Run]]) -> None:
+        alone = [
+            one for run in runs for one in (run.values() if isinstance(run, Mapping) else [run])
+        ]
         for show, curve, starts in zip(self.shows, self.curves, self.starts, strict=True):
             if show.plane:
-                runs = [one for run in runs for one in _each(run)]
-                paths = [np.column_stack([run[show.x], run[show.names[0]]]) for run in runs]
-                curve.set_data(*_strung(paths))
-                starts.set_data([path[0, 0] for path in paths], [path[0, 1] for path in paths])
-
-
-def _each(run: Run | Mapping[str, Run]) -> list[Run]:
-    return list(run.values()) if isinstance(run, Mapping) else [run]
+                name = show.names[0]
+                seen = [one for one in alone if show.has(one, name)]
+                paths = [np.column_stack(show.curve(one, name)) for one in seen]
+                curve.set_data(*strung(paths))
+                starts.set_data(*np.reshape([path[0] for path in paths], (-1, 2)).T)

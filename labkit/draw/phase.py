@@ -1,15 +1,14 @@
-"""Phase portraits, and each of their layers alone.
+"""Phase portraits.
 
 phase_portrait(system, "x", "v", starts=40, horizon=10.0)
 view = phase_portrait(system, "x", "v", run=run, limits=((-3, 3), (-2, 2)), mu=1.5)
 view.update(other_run)
-axes = direction_field(system, "x", "v", limits=((-3, 3), (-2, 2))).axes
-nullclines(system, "x", "v", axes=axes)
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -30,124 +29,13 @@ from .layers import (
     Nullclines,
     Separatrices,
     Trajectories,
-    layer,
     stage,
 )
-from .plane import GRID, Limits, Plane
+from .plane import Limits, Plane
 from .ticks import said
-from .view import Shows, View, Window, _proper, extent
-
-__all__ = [
-    "PhasePortrait",
-    "direction_field",
-    "equilibria",
-    "guard_lines",
-    "nullclines",
-    "phase_portrait",
-    "trajectories",
-]
+from .view import Shows, View, Window, extent, proper, same_system
 
 Starts = int | Mapping[str, ArrayLike] | ArrayLike | None
-
-
-@unambiguous
-def direction_field(
-    system: System,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    axes: Axes | None = None,
-    limits: Limits | None = None,
-    mode: str | None = None,
-    t: float = 0.0,
-    at: Mapping[str, float] | None = None,
-    points: int = 15,
-    **parameters: float,
-) -> DirectionField:
-    """direction_field(system, "x", "v", limits=((-2, 2), (-3, 3))) -> layer.
-
-    Arrows of one length along the flow at time t, `points` rows of them.
-    """
-    return layer(DirectionField, system, x, y, axes, limits, mode, t, at, parameters, points=points)
-
-
-@unambiguous
-def nullclines(
-    system: System,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    axes: Axes | None = None,
-    limits: Limits | None = None,
-    mode: str | None = None,
-    t: float = 0.0,
-    points: int = GRID,
-    **parameters: float,
-) -> Nullclines:
-    """nullclines(system, "x", "v", limits=…) -> layer.
-
-    Where dx/dt = 0 dotted, dv/dt = 0 dash-dotted, from a points × points grid.
-    """
-    return layer(Nullclines, system, x, y, axes, limits, mode, t, None, parameters, points=points)
-
-
-@unambiguous
-def equilibria(
-    system: System,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    axes: Axes | None = None,
-    limits: Limits | None = None,
-    mode: str | None = None,
-    t: float = 0.0,
-    **parameters: float,
-) -> Equilibria:
-    """equilibria(system, "x", "v", limits=…).found -> [(x, v, mode, "saddle"), …].
-
-    Drawn with their type in words; see find_equilibria.
-    """
-    return layer(Equilibria, system, x, y, axes, limits, mode, t, None, parameters)
-
-
-@unambiguous
-def guard_lines(
-    system: System,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    axes: Axes | None = None,
-    limits: Limits | None = None,
-    mode: str | None = None,
-    t: float = 0.0,
-    at: Mapping[str, float] | None = None,
-    points: int = GRID,
-    **parameters: float,
-) -> GuardLines:
-    """guard_lines(system, "x", "v", limits=…) -> layer.
-
-    Where the guards of the modes are zero, dashed and named.
-    """
-    return layer(GuardLines, system, x, y, axes, limits, mode, t, at, parameters, points=points)
-
-
-def trajectories(
-    runs: Run | Runs,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    axes: Axes | None = None,
-    limits: Limits | None = None,
-    bold: bool = False,
-) -> Trajectories:
-    """trajectories(runs, "x", "v") -> layer.
-
-    A Run or the Runs of simulate_many, coloured by mode, jumps dashed, starts marked.
-    """
-    plane = Plane(runs.system, x, y)
-    if axes is None and limits is None:
-        limits = _around([runs], plane)
-    return Trajectories(stage(plane, axes, limits), plane, runs, bold=bold)
 
 
 @unambiguous
@@ -172,7 +60,7 @@ def phase_portrait(
     title: str | None = None,
     width: float = 8.0,
     height: float = 5.0,
-    **parameters: float,
+    **parameters: Any,  # and options
 ) -> PhasePortrait:
     """phase_portrait(system, "x", "v", starts=40, horizon=10.0) -> PhasePortrait.
 
@@ -199,16 +87,16 @@ def phase_portrait(
     if isinstance(system, Run):
         system, run = system.system, system if run is None else run
     options = {key: parameters.pop(key) for key in list(parameters) if key in OPTIONS}
-    p = run.p if run is not None and not parameters else system.values(parameters)
+    p = run.p if run is not None else system.values()
+    if parameters:
+        p = system.values({**p._asdict(), **parameters})
     plane = Plane(system, x, y, mode=mode, t=t, at=at, p=p)
     if run is not None:
         plane.hold(run.start)
     many = _starts((24 if run is None else 0) if starts is None else starts, plane)
     beside = Beside(plane, run, horizon, options)
     if beside.t_end is None and (many or limits is None):
-        raise ModelError(
-            "phase_portrait needs horizon=, the end time of the trajectories (or a run)"
-        )
+        raise ModelError("phase_portrait needs horizon=, how long the trajectories are (or a run)")
     runs = beside.runs(many) if isinstance(many, dict) else None
     around = limits or _around([r for r in (run, runs) if r is not None] or [beside.runs()], plane)
     axes = stage(plane, axes, around, width, height)
@@ -242,10 +130,9 @@ class Beside:
 
     def follow(self, run: Run | None) -> None:
         like = {}
-        if run is not None and run.options:
-            like = {key: value for key, value in run.options.items() if key not in _OWN}
-        elif run is not None:  # made by hand
-            like = {"t0": float(run.t[0]), "t_end": float(run.t[-1])}
+        if run is not None:  # one made by hand has no options
+            made = run.options or {"t0": float(run.t[0]), "t_end": float(run.t[-1])}
+            like = {key: value for key, value in made.items() if key not in _OWN}
         began = like.pop("t0", 0.0)
         t0 = self.plane.t or began
         if self.horizon is not None:
@@ -315,20 +202,21 @@ class PhasePortrait(View):
 
     def _fit(self, *_: float) -> None:
         """Words find their places anew in axes of another size."""
-        for part in self.layers:
-            if isinstance(part, Equilibria):
-                part.name()
+        for part in self._of(Equilibria):
+            part.name()
         self._name_guards()
         if self._noted is not None:
             width, height = self.figure.get_size_inches()
             reach = width * (1 - self.axes.get_position().x0)
-            said = (on_lines(self.axes, note, 8.5, reach) for note in self.notes)
-            self._noted.set_text("\n".join(said) if height > 2.6 else "")  # else height is dear
+            notes = (on_lines(self.axes, note, 8.5, reach) for note in self.notes)
+            self._noted.set_text("\n".join(notes) if height > 2.6 else "")  # else height is dear
+
+    def _of(self, kind: type[Layer]) -> list[Any]:
+        return [part for part in self.layers if isinstance(part, kind)]
 
     def _name_guards(self) -> None:
-        for part in self.layers:
-            if isinstance(part, GuardLines):
-                part.name(self.layers)
+        for part in self._of(GuardLines):
+            part.name(self.layers)
 
     @property
     def system(self) -> System:
@@ -336,66 +224,43 @@ class PhasePortrait(View):
 
     def _build(self, kinds: set[type[Layer]], runs: Runs | None, run: Run | None) -> list[Layer]:
         plane, axes, limits = self.plane, self.axes, self._limits()
-        field, lines, points, guards = (
-            kind in kinds for kind in (DirectionField, Nullclines, Equilibria, GuardLines)
-        )
         self.notes: list[str] = []
         self._noted: Text | None = None
-        timed, flat = (
-            plane.depends_on_time(limits, (self.beside.t_end or plane.t + 10.0) - plane.t),
-            all(map(plane.is_plane, plane.modes)),
-        )
-        shown = (["arrows"] if field else []) + (["lines"] if lines or guards else [])
-        without = "no nullclines or equilibria" if lines or points else ""
-        if timed and (field or without):
-            self.notes.append(
-                "flow depends on time: "
-                + ", ".join(
-                    filter(None, [f"arrows at t = {said(plane.t)}" if field else "", without])
-                )
-            )
-        elif not flat and (field or without):
-            self.notes.append(
-                "; ".join(
-                    filter(
-                        None,
-                        [
-                            "arrows hold for the other states at their start values"
-                            if field
-                            else "",
-                            without,
-                        ],
-                    )
-                )
-            )
+        long = (self.beside.t_end or plane.t + 10.0) - plane.t
+        timed = plane.depends_on_time(limits, long)
+        still = not timed and all(map(plane.is_plane, plane.modes))  # equilibria mean something
+        arrows, points = DirectionField in kinds, {Nullclines, Equilibria} & kinds
+        guards = GuardLines in kinds and any(map(plane.guards, plane.modes))
+        without = ["no nullclines or equilibria"] if points else []
+        if timed and (arrows or without):
+            at = [f"arrows at t = {said(plane.t)}"] if arrows else []
+            self.notes.append("flow depends on time: " + ", ".join(at + without))
+        elif not still and (arrows or without):
+            hold = ["arrows hold for the other states at their start values"] if arrows else []
+            self.notes.append("; ".join(hold + without))
+        lines = {Nullclines, GuardLines} & kinds
+        shown = " and ".join(["arrows"] * arrows + ["lines"] * bool(lines))
         if self.system.held and shown:
-            held = " and ".join(self.system.held)
-            self.notes.append(f"{' and '.join(shown)} for {held} as at the start")
+            self.notes.append(f"{shown} for {' and '.join(self.system.held)} as at the start")
         if plane.chosen is not None and len(self.system.modes) > 1 and shown:
-            self.notes.append(f"{' and '.join(shown)} of mode “{plane.chosen}”")
+            self.notes.append(f"{shown} of mode “{plane.chosen}”")
         layers: list[Layer] = []
-        if field:
+        if arrows:
             layers.append(DirectionField(axes, plane))
-        if lines and flat and not timed:
+        if Nullclines in kinds and still:
             layers.append(Nullclines(axes, plane))
-        if guards and any(
-            tr.guard is not None
-            for mode in plane.modes
-            for tr in (self.system.transitions[i] for i in self.system.leaving[mode])
-        ):
+        if guards:
             layers.append(made := GuardLines(axes, plane))
             if made.omitted:
-                self.notes.append(
-                    f"guards that change with time are not drawn: {', '.join(made.omitted)}"
-                )
+                names = ", ".join(made.omitted)
+                self.notes.append(f"guards that change with time are not drawn: {names}")
         if runs is not None:
             layers.append(Trajectories(axes, plane, runs))
         if run is not None:
             layers.append(Trajectories(axes, plane, run, bold=True))
-        if flat and not timed and Separatrices in kinds:
-            layers.append(Separatrices(axes, plane))
-        if points and flat and not timed:
-            layers.append(Equilibria(axes, plane))
+        for kind in (Separatrices, Equilibria):
+            if kind in kinds and still:
+                layers.append(kind(axes, plane))
         return layers
 
     def _write(self) -> None:
@@ -403,17 +268,11 @@ class PhasePortrait(View):
         self._named = list(entries)
         pairs = [(artist, text) for text, artist in entries.items()]
         head(self.axes, self.title, pairs, aside=True)
-        with style():
-            if self.notes and self._noted is None:
+        if self.notes and self._noted is None:
+            place = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
+            with style():
                 self._noted = self.axes.annotate(
-                    "\n".join(self.notes),
-                    (0.0, 0.0),
-                    xycoords="axes fraction",
-                    xytext=(0, -34),
-                    textcoords="offset points",
-                    fontsize=8.5,
-                    color=GREY,
-                    va="top",
+                    "\n".join(self.notes), (0, 0), (0, -34), fontsize=8.5, color=GREY, **place
                 )
 
     def _entries(self) -> dict[str, Artist]:
@@ -423,9 +282,7 @@ class PhasePortrait(View):
     @property
     def equilibria(self) -> list[tuple[float, float, str, str]]:
         """[(x, y, mode, type in words), …] as drawn."""
-        return [
-            found for part in self.layers if isinstance(part, Equilibria) for found in part.found
-        ]
+        return [found for part in self._of(Equilibria) for found in part.found]
 
     def _limits(self) -> Limits:
         x, y = self.axes.get_xlim(), self.axes.get_ylim()
@@ -446,39 +303,25 @@ class PhasePortrait(View):
         many = next((r for r in given if isinstance(r, Runs)), None)
         if one is None and many is None:
             raise ModelError("update takes a Run, Runs, or a list of both")
-        first = one if one is not None else many
-        if list(first.system.modes) != list(self.system.modes) or list(first.system.units) != list(
-            self.system.units
-        ):
-            raise ModelError(
-                f"this picture was made for {self.system.name!r}, update got a run of "
-                f"{first.system.name!r}"
-            )
-        before, now = self.beside.key, one if one is not None else many[0]
+        now = one if one is not None else many[0]
+        same_system(now, self.system)
+        before = self.beside.key
         self.plane.follow(now)
         self.beside.follow(now)
-        bold = [
-            part
-            for part in self.layers
-            if isinstance(part, Trajectories) and isinstance(part.runs, Run)
-        ]
-        thin = [
-            part
-            for part in self.layers
-            if isinstance(part, Trajectories) and isinstance(part.runs, Runs)
-        ]
+        bold, thin = (
+            [part for part in self._of(Trajectories) if isinstance(part.runs, kind)]
+            for kind in (Run, Runs)
+        )
         self.relimited = False
         if not self._fixed and bold and one is not None:
-            moved = [
-                window.fit(*extent(one[name]))
-                for window, name in zip(self._windows, (self.plane.x, self.plane.y), strict=True)
-            ]
-            self.relimited = any(moved)
+            names = (self.plane.x, self.plane.y)
+            pairs = zip(self._windows, names, strict=True)
+            self.relimited = any([window.fit(*extent(one[name])) for window, name in pairs])
         if many is None and thin and self.starts is not None and self.beside.key != before:
             many = self.beside.runs(self.starts)
-        for part, new in [(part, one) for part in bold] + [(part, many) for part in thin]:
-            if new is not None:
-                part.set(new)
+        for parts, new in ((bold, one), (thin, many)):
+            for part in parts if new is not None else ():
+                part.update(new)
         if self._state() != self._seen:
             for part in self.layers:
                 if not isinstance(part, Trajectories):
@@ -501,55 +344,39 @@ def _starts(starts: Starts, plane: Plane) -> int | dict[str, np.ndarray]:
                 f"starts gives no values for {listed(missing)}; for example "
                 f"starts={{'{plane.x}': [0, 1], '{plane.y}': [0, 0]}}"
             )
-        table = dict(
-            zip(
-                starts,
-                map(
-                    np.array,
-                    np.broadcast_arrays(
-                        *(np.atleast_1d(np.asarray(v, dtype=float)) for v in starts.values())
-                    ),
-                ),
-                strict=True,
-            )
+        try:
+            values = np.broadcast_arrays(*(np.atleast_1d(v).astype(float) for v in starts.values()))
+        except ValueError:
+            sizes = {name: np.shape(value) for name, value in starts.items()}
+            raise ModelError(f"starts needs arrays of one length, not of shapes {sizes}") from None
+        return dict(zip(starts, map(np.array, values), strict=True))
+    points = np.atleast_2d(np.asarray(starts, dtype=float))
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ModelError(
+            "starts must be a number, a mapping of arrays or an array of shape (n, 2), "
+            f"not of shape {points.shape}"
         )
-    else:
-        points = np.atleast_2d(np.asarray(starts, dtype=float))
-        if points.ndim != 2 or points.shape[1] != 2:
-            raise ModelError(
-                "starts must be a number, a mapping of arrays or an array of shape (n, 2), "
-                f"not of shape {points.shape}"
-            )
-        table = {plane.x: points[:, 0], plane.y: points[:, 1]}
-    return table
+    return {plane.x: points[:, 0], plane.y: points[:, 1]}
 
 
 def _spread(count: int, limits: Limits, plane: Plane) -> dict[str, np.ndarray] | None:
     """Two thirds of the starts along the edge of the picture, one third half as far out."""
-    outer = count - count // 3
-    along = (
-        np.concatenate(
-            [
-                np.arange(outer) / outer + 0.5 / outer,
-                (np.arange(count // 3) + 0.25) / max(count // 3, 1),
-            ]
-        )
-        * 4
-    )
-    size = np.concatenate([np.full(outer, 0.97), np.full(count // 3, 0.5)])
+    inner = count // 3
+    outer = count - inner
+    shares = [np.arange(outer) / outer + 0.5 / outer, (np.arange(inner) + 0.25) / max(inner, 1)]
+    along = 4 * np.concatenate(shares)
+    size = np.concatenate([np.full(outer, 0.97), np.full(inner, 0.5)])
     side, along = along.astype(int) % 4, 2 * (along % 1) - 1
     a = size * np.choose(side, [along, 1, -along, -1])
     b = size * np.choose(side, [-1, along, 1, -along])
     (x0, x1), (y0, y1) = limits
     x, y = (x0 + x1) / 2 + a * (x1 - x0) / 2, (y0 + y1) / 2 + b * (y1 - y0) / 2
-    fits = (
-        plane.governing(x, y) >= 0
-    )  # elsewhere, as under the floor, `simulate` would refuse to start
+    fits = plane.governing(x, y) >= 0  # elsewhere, as under the floor, no run can start
     return {plane.x: x[fits], plane.y: y[fits]} if fits.any() else None
 
 
 def _around(runs: Sequence[Run | Runs], plane: Plane) -> Limits:
     """Limits with a margin of 8 % around all points of the runs."""
-    pairs = [_proper(*extent(*(r[name] for r in runs))) for name in (plane.x, plane.y)]
+    pairs = [proper(*extent(*(r[name] for r in runs))) for name in (plane.x, plane.y)]
     x, y = ((low - 0.08 * (high - low), high + 0.08 * (high - low)) for low, high in pairs)
     return x, y

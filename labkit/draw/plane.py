@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
+from itertools import product
 from types import BuiltinFunctionType, FunctionType, SimpleNamespace
 from typing import Any
 
@@ -18,8 +19,6 @@ from ..linear import classify
 from ..model import ModelError, System, Transition, listed
 from ..rebind import rebound
 from ..run import Run
-
-__all__ = ["Plane", "contour", "find_equilibria", "separatrices"]
 
 Limits = tuple[tuple[float, float], tuple[float, float]]
 GRID = 49  # points along each side for nullclines, guard lines and the search for equilibria
@@ -48,11 +47,9 @@ class Plane:
         p: tuple | None = None,
     ):
         self.system, self.t = system, t
-        self.x, self.y = (
-            x or system.states[0],
-            y or next((name for name in system.states if name != (x or system.states[0])), ""),
-        )
-        if not self.y:
+        self.x = x or system.states[0]
+        self.y = y or next((name for name in system.states if name != self.x), "")
+        if self.y in ("", self.x):
             raise ModelError(
                 f"a phase portrait needs two states; {system.name!r} has {listed(system.units)}"
             )
@@ -71,13 +68,9 @@ class Plane:
             raise ModelError(
                 f"no mode of {system.name!r} has both states {self.x!r} and {self.y!r}"
             )
-        self.chosen = mode or (
-            None
-            if callable(system.mode) and len(able) > 1
-            else system.mode
-            if system.mode in able
-            else able[0]
-        )
+        self.chosen = mode
+        if mode is None and not (callable(system.mode) and len(able) > 1):
+            self.chosen = system.mode if system.mode in able else able[0]
         #: modes whose flow is shown somewhere
         self.modes = able if self.chosen is None else [self.chosen]
         self.values = {**system.start, **(at or {})}
@@ -115,18 +108,11 @@ class Plane:
         """The mode's states at their values beside the plane, and where x and y belong."""
         if mode not in self._templates:
             names = self.system.S[mode]._fields
-            if missing := [
-                name for name in names if name not in self.values and name not in (self.x, self.y)
-            ]:
-                raise ModelError(
-                    f"the portrait needs a value of {listed(missing)}: give at={{{missing[0]!r}: "
-                    f"…}}"
-                )
-            self._templates[mode] = (
-                [self.values.get(name) for name in names],
-                names.index(self.x),
-                names.index(self.y),
-            )
+            if missing := sorted({*names} - {*self.values, self.x, self.y}, key=names.index):
+                give = f"give at={{{missing[0]!r}: …}}"
+                raise ModelError(f"the portrait needs a value of {listed(missing)}: {give}")
+            values = [self.values.get(name) for name in names]
+            self._templates[mode] = values, names.index(self.x), names.index(self.y)
         return self._templates[mode]
 
     def _state(self, mode: str, x: float | np.ndarray, y: float | np.ndarray) -> tuple:
@@ -146,9 +132,9 @@ class Plane:
     ) -> np.ndarray:
         """function(t, s, p) at all points -> (width, points).
 
-        All points at once where the function can (and then gives the
-        same as one by one, which is tried at some of them), else one by one: model functions may
-        branch or use math.sin."""
+        All points at once where the function can (and then gives the same as one by one, which is
+        tried at some of them), else one by one: model functions may branch or use math.sin.
+        """
         x, y, t = np.ravel(X).astype(float), np.ravel(Y).astype(float), self.t if t is None else t
         state, p = self._state, self.p
         if function not in self._wide:
@@ -163,32 +149,23 @@ class Plane:
                 return (np.nan,) * width
             return tuple(value) if width > 1 else (value,)
 
-        if len(x) > (16 if self._tried[function] < 20 else 3):
+        new = self._tried[function] < 20
+        if len(x) > (16 if new else 3):
             try:
                 with np.errstate(all="ignore"):
                     value = self._wide[function](t, state(mode, x, y), p)
-                    result = np.array(
-                        [
-                            np.broadcast_to(np.asarray(v, dtype=float), x.shape)
-                            for v in (value if width > 1 else (value,))
-                        ]
-                    )
-                probe = (
-                    [k * (len(x) - 1) // 6 for k in range(7)]
-                    if self._tried[function] < 20 or len(x) > 1000
-                    else []
-                )
-                if not probe or _same(
-                    result[:, probe].T, np.array([one(i) for i in probe], dtype=float)
-                ):
+                    values = value if width > 1 else (value,)
+                    floats = (np.asarray(v, dtype=float) for v in values)
+                    result = np.array([np.broadcast_to(v, x.shape) for v in floats])
+                probe = [k * (len(x) - 1) // 6 for k in range(7)] if new or len(x) > 1000 else []
+                if not probe or _same(result[:, probe].T, np.array([*map(one, probe)], float)):
                     self._tried[function] += 1
                     return result
             except (TypeError, ValueError, AttributeError):
                 pass
-        rows = np.array([one(i) for i in range(len(x))]).reshape(len(x), width).T
-        return np.where(np.imag(rows) == 0, np.real(rows), np.nan).astype(
-            float
-        )  # (-1.0) ** 0.5 is complex in Python
+        rows = np.array([*map(one, range(len(x)))]).reshape(len(x), width).T
+        # (-1.0) ** 0.5 is complex in Python
+        return np.where(np.imag(rows) == 0, np.real(rows), np.nan).astype(float)
 
     def flow(
         self, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None
@@ -199,29 +176,32 @@ class Plane:
         """
         names = self.system.states_of(mode)
         rates = self._evaluate(self.system.modes[mode].flow, mode, X, Y, len(names), t)
-        return rates[names.index(self.x)].reshape(np.shape(X)), rates[names.index(self.y)].reshape(
-            np.shape(X)
-        )
+        x, y = (rates[names.index(name)].reshape(np.shape(X)) for name in (self.x, self.y))
+        return x, y
 
     def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """As flow, on a grid of count × count points; kept for the layers that ask again."""
-        key = (mode, limits, count, self.key, self.t)
+        return self.kept((mode, limits, count), lambda: self.flow(mode, *grid(limits, count)))
+
+    def kept(self, what: tuple, made: Callable[[], Any]) -> Any:
+        """plane.kept(what, made) -> what made() gave for this model and these values, or gives."""
+        key = (what, self.key, self.t)
         if key not in self._kept:
+            found = made()
             if len(self._kept) > 12:
                 self._kept.clear()
-            self._kept[key] = self.flow(mode, *grid(limits, count))
+            self._kept[key] = found
         return self._kept[key]
 
+    def guards(self, mode: str) -> list[int]:
+        """plane.guards("slip") -> places of the transitions out of a mode that have a guard."""
+        system = self.system
+        return [i for i in system.leaving[mode] if system.transitions[i].guard is not None]
+
     def guard(
-        self,
-        transition: Transition,
-        mode: str,
-        X: np.ndarray,
-        Y: np.ndarray,
-        t: float | None = None,
+        self, tr: Transition, mode: str, X: np.ndarray, Y: np.ndarray, t: float | None = None
     ) -> np.ndarray:
-        assert transition.guard is not None
-        return self._evaluate(transition.guard, mode, X, Y, 1, t)[0].reshape(np.shape(X))
+        return self._evaluate(tr.guard, mode, X, Y, 1, t)[0].reshape(np.shape(X))  # type: ignore
 
     def governing(self, X: np.ndarray, Y: np.ndarray) -> np.ndarray:
         """plane.governing(X, Y) -> place in plane.modes of the mode that holds at each point.
@@ -232,27 +212,19 @@ class Plane:
         x, y = np.ravel(X).astype(float), np.ravel(Y).astype(float)
         if self.chosen is None:
             kind = self.system.S[next(iter(self.system.modes))]
-            place = {name: i for i, name in enumerate(self.modes)}
             rest = {name: self.values.get(name, np.nan) for name in kind._fields}
-            states = (
-                kind(**{**rest, self.x: a, self.y: b})
-                for a, b in zip(x.tolist(), y.tolist(), strict=True)
-            )
-            found = np.array(
-                [place.get(self.system.mode(self.t, s, self.p), -1) for s in states], dtype=int
-            )  # type: ignore[operator, arg-type]
+            pairs = zip(x.tolist(), y.tolist(), strict=True)
+            states = (kind(**{**rest, self.x: a, self.y: b}) for a, b in pairs)
+            place = {name: i for i, name in enumerate(self.modes)}
+            chosen = (self.system.mode(self.t, s, self.p) for s in states)  # type: ignore[operator]
+            found = np.array([place.get(mode, -1) for mode in chosen], dtype=int)
         else:
             found = np.zeros(len(x), dtype=int)
         size = 1 + np.maximum(np.abs(x), np.abs(y))
         for i, mode in enumerate(self.modes):
-            for k in self.system.leaving[mode]:
-                tr = self.system.transitions[k]
-                if (
-                    tr.guard is not None
-                    and tr.direction
-                    and not tr.urgent
-                    and (tr.target != mode or tr.reset is not None)
-                ):
+            for tr in (self.system.transitions[k] for k in self.guards(mode)):
+                leads = tr.target != mode or tr.reset is not None
+                if tr.direction and not tr.urgent and leads:
                     beyond = tr.direction * self.guard(tr, mode, x, y) - tr.tolerance > 1e-9 * size
                     found[(found == i) & beyond] = -1
         return found.reshape(np.shape(X))
@@ -266,35 +238,30 @@ class Plane:
 
         Then nullclines and equilibria mean nothing.
         """
-        X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
+        X, Y = _some(limits)
         for mode in self.modes:
-            first = np.array(self.flow(mode, X, Y))
+            now = np.array(self.flow(mode, X, Y))
             for share in (0.137, 0.411, 0.773):
-                if not np.allclose(
-                    first,
-                    self.flow(mode, X, Y, self.t + share * (horizon or 10.0)),
-                    rtol=1e-9,
-                    atol=0,
-                    equal_nan=True,
-                ):
+                later = self.flow(mode, X, Y, self.t + share * (horizon or 10.0))
+                if not _same(now, np.array(later), 1e-9):
                     return True
         return False
 
-    def guard_depends_on_time(self, transition: Transition, mode: str, limits: Limits) -> bool:
-        X, Y = (np.linspace(low, high, 9)[1:-1:2] for low, high in limits)
-        return not np.allclose(
-            self.guard(transition, mode, X, Y),
-            self.guard(transition, mode, X, Y, self.t + 1.2345),
-            rtol=1e-9,
-            atol=0,
-            equal_nan=True,
-        )
+    def guard_depends_on_time(self, tr: Transition, mode: str, limits: Limits) -> bool:
+        X, Y = _some(limits)
+        now, later = (self.guard(tr, mode, X, Y, t) for t in (self.t, self.t + 1.2345))
+        return not _same(now, later, 1e-9)
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    """np.allclose(a, b, rtol=1e-12, atol=0, equal_nan=True), which is slow for a few numbers."""
+def _some(limits: Limits) -> list[np.ndarray]:
+    """A few points of the picture, on its diagonal."""
+    return [np.linspace(low, high, 9)[1:-1:2] for low, high in limits]
+
+
+def _same(a: np.ndarray, b: np.ndarray, part: float = 1e-12) -> bool:
+    """np.allclose(a, b, rtol=part, atol=0, equal_nan=True), which is slow for a few numbers."""
     with np.errstate(invalid="ignore"):
-        return bool(((a == b) | (np.abs(a - b) <= 1e-12 * np.abs(b)) | ((a != a) & (b != b))).all())
+        return bool(((a == b) | (np.abs(a - b) <= part * np.abs(b)) | ((a != a) & (b != b))).all())
 
 
 _NUMPY = {
@@ -346,10 +313,7 @@ def contour(
     good = np.isfinite(Z)
     if not good.any() or not np.any(Z[good]):
         return []
-    lines = [
-        np.asarray(line)
-        for line in contour_generator(X, Y, np.ma.masked_where(~good, Z)).lines(0.0)
-    ]
+    lines = contour_generator(X, Y, np.ma.masked_where(~good, Z)).lines(0.0)
     if not lines:
         return []
     points = np.concatenate(lines)
@@ -361,17 +325,11 @@ def contour(
     fine = ~(np.abs(function(points[:, 0], points[:, 1])) > 0.3 * around)
     if keep is not None:
         fine &= keep(points[:, 0], points[:, 1])
-    kept = []
-    for line, use in zip(
-        lines, np.split(fine, np.cumsum([len(line) for line in lines])[:-1]), strict=True
-    ):
-        cuts = np.flatnonzero(np.diff(use.astype(int))) + 1
-        kept += [
-            part
-            for part, whole in zip(np.split(line, cuts), np.split(use, cuts), strict=True)
-            if whole[0] and len(part) > 1
-        ]
-    return kept
+    # cut where lines end and where they begin or cease to be fine
+    ends = np.cumsum([len(line) for line in lines])[:-1]
+    cuts = np.union1d(ends, np.flatnonzero(np.diff(fine)) + 1)
+    parts = zip(np.split(points, cuts), np.split(fine, cuts), strict=True)
+    return [part for part, use in parts if use[0] and len(part) > 1]
 
 
 def find_equilibria(
@@ -385,33 +343,30 @@ def find_equilibria(
     line of them are none. The Jacobian comes from five-point differences (error about 1e-12 of the
     rates), `tolerance` goes to `classify`.
     """
-    kept = ("equilibria", limits, plane.key, plane.t, tolerance)
-    if kept in plane._kept:
-        return plane._kept[kept]
-    (x0, x1), (y0, y1) = limits
-    size = np.array([x1 - x0, y1 - y0])
+    return plane.kept(
+        ("equilibria", limits, tolerance), lambda: _equilibria(plane, limits, tolerance)
+    )
+
+
+def _equilibria(
+    plane: Plane, limits: Limits, tolerance: float
+) -> list[tuple[float, float, str, str]]:
+    corner, size = np.array(limits).T[0], np.ptp(limits, axis=1)
     found: list[tuple[float, float, str, str]] = []
     for index, mode in enumerate(plane.modes):
         if not plane.is_plane(mode):
             continue
         F, G = plane.flow_on_grid(mode, limits, GRID)
-        scale = np.array([np.nanmax(np.abs(F), initial=0), np.nanmax(np.abs(G), initial=0)])
+        scale = np.array([np.nanmax(np.abs(rate), initial=0) for rate in (F, G)])
         if not np.all(scale > 0) or not np.all(np.isfinite(scale)):
             continue  # a rate that vanishes everywhere leaves no isolated equilibrium
 
         def rates(u: np.ndarray, mode: str = mode, scale: np.ndarray = scale) -> np.ndarray:
             """Both rates, relative to their largest, at places u (…, 2) in units of the picture."""
-            return (
-                np.stack(
-                    plane.flow(mode, x0 + u[..., 0] * size[0], y0 + u[..., 1] * size[1]), axis=-1
-                )
-                / scale
-            )
+            return _rates(plane, mode, corner + u * size) / scale
 
-        both = _changes_sign(F) & _changes_sign(G)
-        seeds = [((k + 0.5) / (GRID - 1), (i + 0.5) / (GRID - 1)) for i, k in np.argwhere(both)][
-            :40
-        ] + [(a, b) for a in (0.2, 0.5, 0.8) for b in (0.2, 0.5, 0.8)]
+        both = np.argwhere(_changes_sign(F) & _changes_sign(G))[:40, ::-1]
+        seeds = [*((both + 0.5) / (GRID - 1)), *product((0.2, 0.5, 0.8), repeat=2)]
         roots = _newton(rates, np.array(seeds))
         offs = np.abs(rates(roots)).max(axis=1)
         mine: list[np.ndarray] = []
@@ -420,30 +375,20 @@ def find_equilibria(
                 np.abs(u - other).max() < 1e-4 for other in mine
             ):
                 continue
-            x, y = x0 + u[0] * size[0], y0 + u[1] * size[1]
-            if plane.governing(np.array([x]), np.array([y]))[0] != index:
+            at = corner + u * size
+            if plane.governing(*at[:, None])[0] != index:
                 continue
             mine.append(u)
             J = _jacobian(rates, u[None], 1e-3)[1][0]
             along = J[np.abs(J).max(axis=1).argmax(), ::-1] * (1, -1)  # along a nullcline
-            if (
-                along.any()
-                and np.abs(rates(u + [[0.01], [-0.01]] * along / np.abs(along).max())).max() < 1e-9
-            ):
+            beside = u + [[0.01], [-0.01]] * along / (np.abs(along).max() or 1.0)
+            if along.any() and np.abs(rates(beside)).max() < 1e-9:
                 continue  # one of a whole line of equilibria, which the nullclines show
             A = J * scale[:, None] / size[None, :]
             kind = classify(A, tolerance) if np.all(np.isfinite(A)) else "equilibrium"
-            near = 1e-9 * size  # 3e-17 reads as 0
-            found.append(
-                (
-                    0.0 if abs(x) < near[0] else float(x),
-                    0.0 if abs(y) < near[1] else float(y),
-                    mode,
-                    kind,
-                )
-            )
-    plane._kept[kept] = sorted(found)
-    return plane._kept[kept]
+            x, y = np.where(np.abs(at) < 1e-9 * size, 0.0, at).tolist()  # 3e-17 reads as 0
+            found.append((x, y, mode, kind))
+    return sorted(found)
 
 
 def separatrices(
@@ -457,8 +402,7 @@ def separatrices(
     `reach` widths of the picture. Runge and Kutta's method of order 4 by the length of the curve
     in units of the picture, so that a saddle's slowness costs no steps.
     """
-    (x0, x1), (y0, y1) = limits
-    size, corner = np.array([x1 - x0, y1 - y0]), np.array([x0, y0])
+    corner, size = np.array(limits).T[0], np.ptp(limits, axis=1)
     begin, signs = [], []
     for x, y, mode, kind in find_equilibria(plane, limits):
         if not kind.startswith("saddle"):
@@ -466,8 +410,7 @@ def separatrices(
         u = (np.array([x, y]) - corner) / size
 
         def rates(u: np.ndarray, mode: str = mode) -> np.ndarray:
-            there = corner[0] + u[..., 0] * size[0], corner[1] + u[..., 1] * size[1]
-            return np.stack(plane.flow(mode, *there), axis=-1) / size
+            return _rates(plane, mode, corner + u * size) / size
 
         values, vectors = np.linalg.eig(_jacobian(rates, u[None], 1e-3)[1][0])
         if np.any(np.imag(values)):  # complex numbers without imaginary part from NumPy 2.5 on
@@ -483,10 +426,9 @@ def separatrices(
 
     def ways(v: np.ndarray, index: np.ndarray, sign: np.ndarray) -> np.ndarray:
         rates = np.full_like(v, np.nan)
-        x, y = (corner + v * size).T
         for i, mode in enumerate(plane.modes):
             if (here := index == i).any():
-                rates[here] = np.column_stack(plane.flow(mode, x[here], y[here])) / size
+                rates[here] = _rates(plane, mode, corner + v[here] * size) / size
         with np.errstate(all="ignore"):
             return sign * rates / np.hypot(*rates.T)[:, None]
 
@@ -511,8 +453,13 @@ def separatrices(
     begun = corner + np.repeat(saddles, 2, axis=0) * size
     curves = np.concatenate([begun[:, None], curves], axis=1)
     kept = [curve[np.isfinite(curve).all(axis=1)] for curve in curves]
-    into = [curve for curve, way in zip(kept, sign[:, 0], strict=True) if way < 0]
-    return into, [curve for curve, way in zip(kept, sign[:, 0], strict=True) if way > 0]
+    into, out = ([c for c, s in zip(kept, signs, strict=True) if s == way] for way in (-1, 1))
+    return into, out
+
+
+def _rates(plane: Plane, mode: str, places: np.ndarray) -> np.ndarray:
+    """dx/dt and dy/dt at places (…, 2)."""
+    return np.stack(plane.flow(mode, places[..., 0], places[..., 1]), axis=-1)
 
 
 def _jacobian(
@@ -522,9 +469,8 @@ def _jacobian(
 
     All in one call of f.
     """
-    values = f(
-        u[:, None, None] + h * np.arange(-2, 3)[:, None] * np.eye(2)[:, None]
-    )  # (n, axis, 5, 2)
+    # (n, axis, 5, 2)
+    values = f(u[:, None, None] + h * np.arange(-2, 3)[:, None] * np.eye(2)[:, None])
     return values[:, 0, 2], np.einsum("k,nakf->nfa", np.array([1, -8, 0, 8, -1]) / (12 * h), values)
 
 
@@ -540,21 +486,16 @@ def _newton(f: Callable[[np.ndarray], np.ndarray], u: np.ndarray, steps: int = 4
     for _ in range(steps):
         with np.errstate(all="ignore"):
             r, J = _jacobian(f, u, 1e-4)
-            lost = (
-                ~(np.abs(J) < 1e100).all(axis=(1, 2))
-                | ~np.isfinite(r).all(axis=1)
-                | (np.abs(u - 0.5) > 1.5).any(axis=1)
-            )  # out of sight, or without a value
+            known = (np.abs(J) < 1e100).all(axis=(1, 2)) & np.isfinite(r).all(axis=1)
+            lost = ~known | (np.abs(u - 0.5) > 1.5).any(axis=1)  # or out of sight
         J[lost], r[lost] = np.eye(2), 0.0
         rows = np.abs(J).max(axis=2)
         rows[rows == 0] = 1.0  # both rates count alike, however much they differ in size
         way = -np.einsum("nij,nj->ni", np.linalg.pinv(J / rows[:, :, None], rcond=1e-12), r / rows)
         length = np.abs(way).max(axis=1, keepdims=True)
         double = np.abs(length / np.where(before > 0, before, np.nan) - 0.5) < 0.02
-        u, before = (
-            u + way * np.where(double, 2.0, 1.0 / np.maximum(1.0, 4 * length)),
-            np.where(double, np.nan, length),
-        )
+        u = u + way * np.where(double, 2.0, 1.0 / np.maximum(1.0, 4 * length))
+        before = np.where(double, np.nan, length)
         if length.max() < 1e-8:  # the error left is about the square of it
             break
     return np.where(length < 1e-6, u, np.nan)

@@ -18,19 +18,6 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-__all__ = [
-    "Canvas",
-    "Renderer",
-    "closed",
-    "measure_as",
-    "reshape",
-    "retitle",
-    "size_of_words",
-    "tick_size",
-    "ticks_once",
-    "title_size",
-]
-
 
 def reshape(patch: PathPatch, path: Path) -> None:
     """reshape(patch, path): PathPatch.set_path, which forgets to say that the patch has changed."""
@@ -135,15 +122,10 @@ def size_of_words(
 def _size_of_lines(prop: FontProperties, dpi: float) -> tuple[float, float, float]:
     """Ascent, descent and gap of lines, as text.py reads them from the font."""
     font = get_font(fontManager.findfont(prop))
-    line, scale = (
-        font.get_sfnt_table("OS/2"),
-        prop.get_size_in_points() * dpi / 72 / font.get_sfnt_table("head")["unitsPerEm"],
-    )
-    return (
-        line["sTypoAscender"] * scale,
-        -line["sTypoDescender"] * scale,
-        line["sTypoLineGap"] * scale,
-    )
+    line, units = font.get_sfnt_table("OS/2"), font.get_sfnt_table("head")["unitsPerEm"]
+    up, down, gap = (line[f"sTypo{name}"] for name in ("Ascender", "Descender", "LineGap"))
+    scale = prop.get_size_in_points() * dpi / 72 / units
+    return up * scale, -down * scale, gap * scale
 
 
 @lru_cache(4)

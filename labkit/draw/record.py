@@ -22,7 +22,7 @@ when the still part is new. Parts are drawn in that order: "s0", "s1", … are t
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import re
 from functools import partial
 from math import floor
 from typing import Any
@@ -35,12 +35,9 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Transform
-from PIL import Image
 
-from .figure import CSS_DPI, style
+from .figure import CSS_DPI, pixels, style
 from .private import measure_as
-
-__all__ = ["Recorder", "Scene"]
 
 
 class Recorder(RendererBase):
@@ -58,184 +55,110 @@ class Recorder(RendererBase):
         self.agg, self.width, self.height, self.dpi = agg, agg.width, agg.height, agg.dpi
         self.flip = Affine2D().scale(1, -1).translate(0, self.height)
         measure_as(self, agg)
-        self.get_canvas_width_height, self.points_to_pixels = (
-            agg.get_canvas_width_height,
-            agg.points_to_pixels,
-        )
+        self.get_canvas_width_height = agg.get_canvas_width_height
+        self.points_to_pixels = agg.points_to_pixels
         self.images: dict[tuple, tuple] = {}  # text as bitmaps, the newest ones
         self.markers: dict[tuple, tuple] = {}  # shapes of markers, and how far off their places
-        self._apart = False
-        self.take()
+        self.ops: list[dict] = []
+        self.points: list[np.ndarray] = []
+        self.bitmaps: list[bytes] = []
 
     def take(self) -> tuple[list[dict], list[np.ndarray], list[bytes]]:
         """recorder.take() -> ops, their points and their bitmaps since the last call."""
-        taken = getattr(self, "ops", []), getattr(self, "points", []), getattr(self, "bitmaps", [])
+        taken = self.ops, self.points, self.bitmaps
         self.ops, self.points, self.bitmaps = [], [], []
         return taken
 
-    # -- strokes -----------------------------------------------------------------------------------
+    # -- strokes: arguments are as in RendererBase -------------------------------------------------
 
-    def draw_path(
-        self, gc: GraphicsContextBase, path: Path, transform: Transform, rgbFace: Any = None
-    ) -> None:
+    def draw_path(self, gc, path, transform, rgbFace=None, apart=False) -> None:
         if gc.get_hatch() or gc.get_clip_path()[0] is not None:
-            return self._by_agg(lambda agg: agg.draw_path(gc, path, transform, rgbFace))
+            return self._by_agg("draw_path", gc, path, transform, rgbFace)
         look, width = self._look(gc, rgbFace)
         if look:
-            margin = width + 2
-            x, y, w, h = (
-                look["clip"]
-                if "clip" in look and "dash" not in look
-                else (0, 0, self.width, self.height)
-            )  # a cut begins a dash anew
-            area = (
-                None
-                if rgbFace is not None
-                else (x - margin, y - margin, x + w + margin, y + h + margin)
-            )
             # Where a stroke runs over another, Agg adds up what both cover of a pixel; so does one
             # laid over the other, if it hides what is below.
-            apart = self._apart or (rgbFace is None and look["stroke"].endswith("ff"))
-            self._note(
-                look | ({"apart": True} if apart else {}),
-                _polyline(path, transform + self.flip, gc, width, area),
-            )
+            if apart or (rgbFace is None and look["stroke"].endswith("ff")):
+                look["apart"] = True
+            area, margin = None, width + 2
+            if rgbFace is None:
+                clip = look.get("clip") if "dash" not in look else None  # a cut begins a dash anew
+                x, y, w, h = clip or (0, 0, self.width, self.height)
+                area = x - margin, y - margin, x + w + margin, y + h + margin
+            self._note(look, _polyline(path, transform + self.flip, gc, width, area))
 
-    def draw_markers(
-        self,
-        gc: GraphicsContextBase,
-        marker_path: Path,
-        marker_trans: Transform,
-        path: Path,
-        trans: Transform,
-        rgbFace: Any = None,
-    ) -> None:
+    def draw_markers(self, gc, marker_path, marker_trans, path, trans, rgbFace=None) -> None:
         if gc.get_clip_path()[0] is not None or gc.get_hatch():
-            return self._by_agg(
-                lambda agg: agg.draw_markers(gc, marker_path, marker_trans, path, trans, rgbFace)
-            )
+            return self._by_agg("draw_markers", gc, marker_path, marker_trans, path, trans, rgbFace)
         look, width = self._look(gc, rgbFace)
-        vertices = (
-            path.vertices
-            if path.codes is None
-            else path.vertices[np.isin(path.codes, (Path.MOVETO, Path.LINETO))]
-        )
+        vertices = path.vertices
+        if path.codes is not None:
+            vertices = vertices[np.isin(path.codes, (Path.MOVETO, Path.LINETO))]
         places = (trans + self.flip).transform(vertices)
         x, y, w, h = look.get("clip", (0, 0, self.width, self.height))
         reach = 3 * self.dpi  # no marker is wider
         with np.errstate(invalid="ignore"):
-            seen = (
-                (places[:, 0] > x - reach)
-                & (places[:, 0] < x + w + reach)
-                & (places[:, 1] > y - reach)
-                & (places[:, 1] < y + h + reach)
-            )
-        places = np.floor(places[seen] + 0.5)  # as Agg does it
+            low, high = places > (x - reach, y - reach), places < (x + w + reach, y + h + reach)
+        places = np.floor(places[(low & high).all(axis=1)] + 0.5)  # as Agg does it
         if look and len(places):
-            codes = marker_path.codes
-            key = (
-                marker_path.vertices.tobytes(),
-                codes is not None and codes.tobytes(),
-                marker_trans.get_matrix().tobytes(),
-                gc.get_snap(),
-                width,
-            )
+            codes, snap = marker_path.codes, gc.get_snap()
+            arrays = (marker_path.vertices, marker_trans.get_matrix())
+            key = (*map(bytes, arrays), codes is not None and bytes(codes), snap, width)
             if key not in self.markers:
                 plain = marker_path.cleaned(marker_trans, curves=False, snap=False)
-                snapped = marker_path.cleaned(
-                    marker_trans, curves=False, snap=gc.get_snap(), stroke_width=width
-                )
+                options = {"curves": False, "snap": snap, "stroke_width": width}
+                snapped = marker_path.cleaned(marker_trans, **options)
                 on_pixels = not np.array_equal(plain.vertices, snapped.vertices)
-                self.markers[key] = (
-                    _polyline(marker_path, marker_trans + Affine2D().scale(1, -1), gc, width, None),
-                    0.0 if on_pixels else 0.5,
-                )
+                upright = marker_trans + Affine2D().scale(1, -1)
+                shape = _polyline(marker_path, upright, gc, width, None)
+                self.markers[key] = shape, 0.0 if on_pixels else 0.5
             shape, off = self.markers[key]
             self._note({**look, "at": len(places)}, shape, places + off)
 
     def draw_path_collection(
-        self,
-        gc: GraphicsContextBase,
-        master_transform: Transform,
-        paths: list[Path],
-        all_transforms: Any,
-        offsets: Any,
-        offset_trans: Any,
-        facecolors: Any,
-        edgecolors: Any,
-        linewidths: Any,
-        linestyles: Any,
-        *rest: Any,
-        **more: Any,
+        self, gc, master, paths, all_transforms, offsets, offset_trans, facecolors, *looks, **more
     ) -> None:
-        plain = (
+        edges, widths, dashes = looks[:3]
+        if (
             len(paths) > 1
             and not len(all_transforms)
             and not np.any(offset_trans.transform(offsets))
             and not len(facecolors)
             and not gc.get_hatch()
-        )
-        if (
-            plain
-            and all(len(one) == 1 for one in (edgecolors, linewidths, linestyles))
+            and len(edges) == len(widths) == len(dashes) == 1
             and all(path.codes is None for path in paths)
         ):
-            gc.set_foreground(edgecolors[0], isRGBA=True)
-            gc.set_linewidth(linewidths[0])
-            gc.set_dashes(*linestyles[0])
-            self._apart = True
+            gc.set_foreground(edges[0], isRGBA=True)
+            gc.set_linewidth(widths[0])
+            gc.set_dashes(*dashes[0])
             points = np.concatenate([part for path in paths for part in (path.vertices, _UP)])
-            self.draw_path(gc, Path(points), master_transform)
-            self._apart = False
-        else:
-            super().draw_path_collection(
-                gc,
-                master_transform,
-                paths,
-                all_transforms,
-                offsets,
-                offset_trans,
-                facecolors,
-                edgecolors,
-                linewidths,
-                linestyles,
-                *rest,
-                **more,
-            )
+            return self.draw_path(gc, Path(points), master, apart=True)
+        whole = (gc, master, paths, all_transforms, offsets, offset_trans, facecolors, *looks)
+        super().draw_path_collection(*whole, **more)
 
     def _look(self, gc: GraphicsContextBase, face: Any) -> tuple[dict[str, Any], float]:
         """The style of an op (empty: it leaves no trace), and the width that snapping goes by."""
         rgb, width = gc.get_rgb(), self.points_to_pixels(gc.get_linewidth())
         look: dict[str, Any] = {}
-        if (
-            face is not None
-            and (alpha := gc.get_alpha() if gc.get_forced_alpha() or len(face) == 3 else face[3])
-            > 0
-        ):
-            look["fill"] = to_hex((*face[:3], alpha), keep_alpha=True)
+        if face is not None:
+            alpha = gc.get_alpha() if gc.get_forced_alpha() or len(face) == 3 else face[3]
+            if alpha > 0:
+                look["fill"] = to_hex((*face[:3], alpha), keep_alpha=True)
         if width > 0 and rgb[3] > 0:
-            look |= {
-                "stroke": to_hex(rgb, keep_alpha=True),
-                "width": width,
-                "cap": _CAPS[gc.get_capstyle()],
-                "join": gc.get_joinstyle(),
-            }
+            look |= {"stroke": to_hex(rgb, keep_alpha=True), "width": width}
+            look |= {"cap": _CAPS[gc.get_capstyle()], "join": gc.get_joinstyle()}
             offset, dashes = gc.get_dashes()
             if dashes:
-                look["dash"] = [
-                    self.points_to_pixels(offset),
-                    *(self.points_to_pixels(d) for d in dashes),
-                ]
+                look["dash"] = [*map(self.points_to_pixels, (offset, *dashes))]
         return (look | self._clip(gc) if look else look), (width if rgb[3] > 0 else 0.0)
 
     def _clip(self, gc: GraphicsContextBase) -> dict[str, Any]:
         box = gc.get_clip_rectangle()
         if box is None:
             return {}
+        high = self.height
         left, right = (min(max(floor(x + 0.5), 0), int(self.width)) for x in (box.x0, box.x1))
-        top, bottom = (
-            min(max(floor(self.height - y + 0.5), 0), int(self.height)) for y in (box.y1, box.y0)
-        )
+        top, bottom = (min(max(floor(high - y + 0.5), 0), int(high)) for y in (box.y1, box.y0))
         return {"clip": [left, top, right - left, bottom - top]}
 
     def _note(self, look: dict[str, Any], *points: np.ndarray) -> None:
@@ -245,76 +168,40 @@ class Recorder(RendererBase):
 
     # -- bitmaps -----------------------------------------------------------------------------------
 
-    def draw_text(
-        self,
-        gc: GraphicsContextBase,
-        x: float,
-        y: float,
-        s: str,
-        prop: Any,
-        angle: float,
-        ismath: Any = False,
-        mtext: Any = None,
-    ) -> None:
+    def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None) -> None:
         left, top = floor(x), floor(y)
-        key = (
-            s,
-            hash(prop),
-            angle,
-            gc.get_rgb(),
-            ismath,
-            round(64 * (x - left)),
-            round(64 * (y - top)),
-        )  # Agg sets letters to 1/64 of a pixel
+        at = round(64 * (x - left)), round(64 * (y - top))  # Agg sets letters to 1/64 of a pixel
+        key = (s, hash(prop), angle, gc.get_rgb(), ismath, *at)
         if key not in self.images:
             width, height, descent = self.get_text_width_height_descent(s, prop, ismath)
-            corners = (
-                Affine2D()
-                .rotate_deg(-angle)
-                .transform([(a, b) for a in (-2, width + 3) for b in (-height - 3, descent + 3)])
-            )
+            box = [(a, b) for a in (-2, width + 3) for b in (-height - 3, descent + 3)]
+            corners = Affine2D().rotate_deg(-angle).transform(box)
             (x0, y0), (x1, y1) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
             own = self.new_gc()
             own.copy_properties(gc)
             own.set_clip_rectangle(None)
             agg = RendererAgg(x1 - x0 + 2, y1 - y0 + 2, self.dpi)
-            (agg.draw_tex if ismath == "TeX" else partial(agg.draw_text, ismath=ismath))(
-                own, x - left - x0, y - top - y0, s, prop, angle, mtext=mtext
-            )
+            draw = agg.draw_tex if ismath == "TeX" else partial(agg.draw_text, ismath=ismath)
+            draw(own, x - left - x0, y - top - y0, s, prop, angle, mtext=mtext)
             if len(self.images) > 500:
                 self.images.clear()
             self.images[key] = _cut(np.asarray(agg.buffer_rgba()), int(x0), int(y0))
         image, dx, dy = self.images[key]
-        self._note_image(
-            image[..., 3], left + dx, top + dy, {"fill": to_hex(gc.get_rgb()), **self._clip(gc)}
-        )
+        look = {"fill": to_hex(gc.get_rgb()), **self._clip(gc)}
+        self._note_image(image[..., 3], left + dx, top + dy, look)
 
-    def draw_image(
-        self, gc: GraphicsContextBase, x: float, y: float, im: np.ndarray, transform: Any = None
-    ) -> None:
-        self._by_agg(lambda agg: agg.draw_image(gc, x, y, im))
+    def draw_image(self, gc, x, y, im, transform=None) -> None:
+        self._by_agg("draw_image", gc, x, y, im)
 
-    def draw_gouraud_triangles(
-        self, gc: GraphicsContextBase, triangles: Any, colors: Any, transform: Transform
-    ) -> None:
-        self._by_agg(lambda agg: agg.draw_gouraud_triangles(gc, triangles, colors, transform))
+    def draw_gouraud_triangles(self, gc, triangles, colors, transform) -> None:
+        self._by_agg("draw_gouraud_triangles", gc, triangles, colors, transform)
 
-    def draw_tex(
-        self,
-        gc: GraphicsContextBase,
-        x: float,
-        y: float,
-        s: str,
-        prop: Any,
-        angle: float,
-        *,
-        mtext: Any = None,
-    ) -> None:
+    def draw_tex(self, gc, x, y, s, prop, angle, *, mtext=None) -> None:
         self.draw_text(gc, x, y, s, prop, angle, "TeX", mtext)
 
-    def _by_agg(self, draw: Callable[[RendererAgg], object]) -> None:
+    def _by_agg(self, method: str, *arguments: Any) -> None:
         agg = RendererAgg(self.width, self.height, self.dpi)
-        draw(agg)
+        getattr(agg, method)(*arguments)
         self._note_image(*_cut(np.asarray(agg.buffer_rgba()), 0, 0), {"rgba": True})
 
     def _note_image(self, image: np.ndarray, x: int, y: int, look: dict[str, Any]) -> None:
@@ -361,11 +248,8 @@ def _cut(pixels: np.ndarray, x: int, y: int) -> tuple[np.ndarray, int, int]:
     rows, columns = (np.flatnonzero(pixels[..., 3].any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return pixels[:0, :0].copy(), x, y
-    return (
-        pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy(),
-        x + int(columns[0]),
-        y + int(rows[0]),
-    )
+    shown = pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
+    return shown, x + int(columns[0]), y + int(rows[0])
 
 
 def _fix_colors(artist: Artist) -> None:
@@ -375,11 +259,8 @@ def _fix_colors(artist: Artist) -> None:
     """
     if isinstance(artist, Line2D):
         for part in ("color", "markerfacecolor", "markeredgecolor"):
-            if (
-                isinstance(color := getattr(artist, f"get_{part}")(), str)
-                and color[:1] == "C"
-                and color[1:].isdigit()
-            ):
+            color = getattr(artist, f"get_{part}")()
+            if isinstance(color, str) and re.fullmatch(r"C\d+", color):
                 getattr(artist, f"set_{part}")(to_hex(color))
 
 
@@ -420,9 +301,8 @@ class Scene:
             with style():
                 for artist in artists:
                     _fix_colors(artist)
-                    artist.stale_callback = lambda artist, value: self.changed.add(
-                        artist
-                    )  # and not the figure's business
+                    # and not the figure's business
+                    artist.stale_callback = lambda artist, value: self.changed.add(artist)
             self.drawn = {}
             self.forget()
         message: dict[str, Any] = {"size": [int(self.recorder.width), int(self.recorder.height)]}
@@ -453,21 +333,9 @@ class Scene:
         renderer = self.figure.canvas.get_renderer()
         with style():
             self.figure.draw(renderer)
-        image, file = (
-            Image.frombuffer(
-                "RGBA",
-                (int(renderer.width), int(renderer.height)),
-                renderer.buffer_rgba(),
-                "raw",
-                "RGBA",
-                0,
-                1,
-            ),
-            io.BytesIO(),
-        )
-        image.convert("RGB").save(
-            file, "JPEG", quality=88, subsampling=0
-        )  # full colour resolution: thin coloured lines stay clean
+        file = io.BytesIO()
+        # full colour resolution: thin coloured lines stay clean
+        pixels(renderer).save(file, "JPEG", quality=88, subsampling=0)
         self.forget()
         return file.getvalue()
 
@@ -476,9 +344,8 @@ class Scene:
 
         Axes that stay as they are, while others are zoomed, repeat theirs.
         """
-        stale = [
-            axes for axes in self.figure.axes if axes.stale
-        ]  # as long as Figure.draw has not declared all of them so
+        # as long as Figure.draw has not declared all of them so
+        stale = [axes for axes in self.figure.axes if axes.stale]
         recorder, known, self.drawn = self.recorder, {} if settled else self.drawn, {}
         recorder.take()
         self.parts: dict[str, tuple] = {}

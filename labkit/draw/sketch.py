@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import cos, hypot, radians, sin
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -24,37 +24,24 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, Rectangle
 from matplotlib.text import Text
 
+from ..arguments import asked, takes
 from ..model import ModelError
 from .figure import COLORS, FAINT, HALO, INK, figure, style
+from .time import segments
 from .view import View
 
-__all__ = ["Box", "Motion", "Sketch", "Span"]
-
-Point = tuple[float, float]
+Point = Sequence[float]
 FILL = "#EAF2F8"
-#: little characteristics for a box, in the square −1 … 1; NaN lifts the pen
-CHARACTERISTICS: dict[str, Sequence[Point]] = {
-    "relay": ((-1, -0.7), (0, -0.7), (0, 0.7), (1, 0.7)),
-    "dead zone": ((-1, -0.7), (-0.4, 0), (0.4, 0), (1, 0.7)),
-    "relay with dead zone": (
-        (-1, -0.7),
-        (-0.35, -0.7),
-        (-0.35, 0),
-        (0.35, 0),
-        (0.35, 0.7),
-        (1, 0.7),
-    ),
-    "saturation": ((-1, -0.7), (-0.45, -0.7), (0.45, 0.7), (1, 0.7)),
-    "hysteresis": ((-1, -0.7), (0.4, -0.7), (0.4, 0.7), (1, 0.7), (-0.4, 0.7), (-0.4, -0.7)),
+#: little characteristics for a box, x and y in the square −1 … 1
+CHARACTERISTICS = {
+    "relay": ((-1, 0, 0, 1), (-0.7, -0.7, 0.7, 0.7)),
+    "dead zone": ((-1, -0.4, 0.4, 1), (-0.7, 0, 0, 0.7)),
+    "relay with dead zone": ((-1, -0.35, -0.35, 0.35, 0.35, 1), (-0.7, -0.7, 0, 0, 0.7, 0.7)),
+    "saturation": ((-1, -0.45, 0.45, 1), (-0.7, -0.7, 0.7, 0.7)),
+    "hysteresis": ((-1, 0.4, 0.4, 1, -0.4, -0.4), (-0.7, -0.7, 0.7, 0.7, 0.7, -0.7)),
     "friction": (
-        (-1, -0.6),
-        (-0.5, -0.45),
-        (-0.12, -0.7),
-        (0, -0.85),
-        (0, 0.85),
-        (0.12, 0.7),
-        (0.5, 0.45),
-        (1, 0.6),
+        (-1, -0.5, -0.12, 0, 0, 0.12, 0.5, 1),
+        (-0.6, -0.45, -0.7, -0.85, 0.85, 0.7, 0.45, 0.6),
     ),
 }
 
@@ -70,21 +57,13 @@ class Box:
     width: float
     height: float
 
-    @property
-    def left(self) -> Point:
-        return self.center[0] - self.width / 2, self.center[1]
+    def _at(self, a: float, b: float) -> Point:
+        return self.center[0] + a * self.width / 2, self.center[1] + b * self.height / 2
 
-    @property
-    def right(self) -> Point:
-        return self.center[0] + self.width / 2, self.center[1]
-
-    @property
-    def top(self) -> Point:
-        return self.center[0], self.center[1] + self.height / 2
-
-    @property
-    def bottom(self) -> Point:
-        return self.center[0], self.center[1] - self.height / 2
+    left = property(lambda self: self._at(-1, 0))
+    right = property(lambda self: self._at(1, 0))
+    top = property(lambda self: self._at(0, 1))
+    bottom = property(lambda self: self._at(0, -1))
 
 
 @dataclass(frozen=True)
@@ -97,6 +76,25 @@ class Span:
     @property
     def middle(self) -> Point:
         return (self.start[0] + self.end[0]) / 2, (self.start[1] + self.end[1]) / 2
+
+
+class _Way:
+    """_Way(start, end): straight from one point to another.
+
+    way.at(a, b) lies a further than the start and b to its left. No way leads to the same point.
+    """
+
+    def __init__(self, start: Point, end: Point):
+        _points(start, end)
+        (self.x, self.y), dx, dy = start, end[0] - start[0], end[1] - start[1]
+        self.length = hypot(dx, dy)
+        if self.length < 1e-9:
+            raise ModelError(f"a piece of a sketch needs two different points, not {start!r} twice")
+        self.across, self.up = dx / self.length, dy / self.length
+
+    def at(self, a: Any, b: Any = 0.0) -> tuple[Any, Any]:
+        x, y = self.across, self.up
+        return self.x + a * x - b * y, self.y + a * y + b * x
 
 
 class Sketch(View):
@@ -123,22 +121,17 @@ class Sketch(View):
 
     # -- plain pieces ------------------------------------------------------------------------------
 
+    @asked
     def line(
         self, *points: Point, color: str = INK, width: float = 1.4, dashed: bool = False
     ) -> Span:
         """s.line((1, 1), (2, 1), (2, 2)): a stroke through the points."""
-        _points(*points)
-        self.axes.add_line(
-            Line2D(
-                *zip(*points, strict=True),
-                color=color,
-                linewidth=width,
-                linestyle=(0, (4, 3)) if dashed else "-",
-                zorder=2,
-            )
-        )  # type: ignore[arg-type]
+        _points(*points, least=2)
+        dash = (0, (4, 3)) if dashed else "-"
+        self._stroke(*zip(*points, strict=True), color=color, lw=width, ls=dash, zorder=2)
         return Span(points[0], points[-1])
 
+    @asked
     def text(
         self,
         at: Point,
@@ -152,21 +145,14 @@ class Sketch(View):
     ) -> Sketch:
         """s.text((3, 1), "rough ground"): free words or a formula, on a white halo."""
         _points(at)
+        words = label.replace("\\frac", "\\dfrac")  # as large as the words beside it
+        look = {"color": color, "fontsize": size, "ha": align, "va": vertical, "zorder": 9}
+        look |= {"rotation": angle, "rotation_mode": "anchor"}
         with style():
-            self.axes.text(
-                *at,
-                label.replace("\\frac", "\\dfrac"),  # as large as the words beside it
-                color=color,
-                fontsize=size,
-                ha=align,
-                va=vertical,
-                rotation=angle,
-                rotation_mode="anchor",
-                zorder=9,
-                path_effects=HALO if halo else (),
-            )
+            self.axes.text(*at, words, path_effects=HALO if halo else (), **look)
         return self
 
+    @asked
     def arrow(
         self, start: Point, end: Point, label: str = "", color: str = COLORS[1], side: str = "end"
     ) -> Span:
@@ -174,93 +160,57 @@ class Sketch(View):
 
         The label stands at the "end", "above" or "below" the middle.
         """
-        self._arrow((start, end), color, 2.0)
-        self._label_along(start, end, label, side, 0.2, color)
-        return Span(start, end)
+        self._arrow(start, end, color=color, lw=2.0)
+        return self._label(start, end, label, side, 0.2, color)
 
+    @asked
     def axis(self, origin: Point, end: Point, label: str = "") -> Span:
         """s.axis((1, 1), (4, 1), "$x$"): a thin coordinate axis with an arrow head."""
-        self._arrow((origin, end), INK, 0.9, head=7)
-        self._label_along(origin, end, label, "end", 0.17, INK)
-        return Span(origin, end)
+        self._arrow(origin, end, lw=0.9, mutation_scale=7)
+        return self._label(origin, end, label, "end", 0.17)
 
+    @asked
     def dimension(self, start: Point, end: Point, label: str = "", offset: float = 0.0) -> Span:
         """s.dimension((1, 1), (4, 1), "$x$", offset=-0.4).
 
         A length with ticks, moved by `offset` to the left of its direction.
         """
-        (ax, ay), (nx, ny) = _direction(start, end)
-        a, b = ((x + offset * nx, y + offset * ny) for x, y in (start, end))
-        for point, moved in ((start, a), (end, b)):
-            if offset:
-                reach = offset + np.sign(offset) * 0.08
-                self.line(
-                    point, (point[0] + reach * nx, point[1] + reach * ny), color=FAINT, width=0.8
-                )
-            else:
-                self.line(
-                    (moved[0] - 0.09 * nx, moved[1] - 0.09 * ny),
-                    (moved[0] + 0.09 * nx, moved[1] + 0.09 * ny),
-                    width=0.9,
-                )
-        self.axes.add_patch(
-            FancyArrowPatch(
-                a,
-                b,
-                arrowstyle="<|-|>",
-                mutation_scale=8,
-                color=INK,
-                linewidth=0.9,
-                shrinkA=0,
-                shrinkB=0,
-                zorder=3,
-            )
-        )
+        way = _Way(start, end)
+        low, high = (0.0, offset + np.sign(offset) * 0.08) if offset else (-0.09, 0.09)
+        look = {"color": FAINT, "width": 0.8} if offset else {"width": 0.9}
+        for a in (0.0, way.length):
+            self.line(way.at(a, low), way.at(a, high), **look)
+        ends = way.at(0.0, offset), way.at(way.length, offset)
+        look = {"joinstyle": "round", "capstyle": "round", "zorder": 3, "mutation_scale": 8}
+        self._arrow(*ends, arrowstyle="<|-|>", lw=0.9, **look)
         if label:  # on the far side of an offset, else above or to the right
-            side = np.sign(offset) if offset else 1.0 if (ny, nx) > (0, 0) else -1.0
-            away = 0.17 if abs(ax) > 0.5 else 0.22
-            self.text(
-                ((a[0] + b[0]) / 2 + side * away * nx, (a[1] + b[1]) / 2 + side * away * ny), label
-            )
-        return Span(a, b)
+            side = np.sign(offset) if offset else 1.0 if (way.across, -way.up) > (0, 0) else -1.0
+            away = 0.17 if abs(way.across) > 0.5 else 0.22
+            self.text(way.at(way.length / 2, offset + side * away), label)
+        return Span(*ends)
 
     # -- mechanisms --------------------------------------------------------------------------------
 
+    @asked
     def ground(self, start: Point, end: Point) -> Span:
         """s.ground((0, 1), (6, 1)).
 
         A fixed surface, hatched on the right as one goes from start to end (here below).
         """
-        (ax, ay), (nx, ny) = _direction(start, end)
-        length = hypot(end[0] - start[0], end[1] - start[1])
-        along = np.linspace(0.1, length, max(2, round(length / 0.14)))
-        depth = 0.13
-        x = np.column_stack(
-            [
-                start[0] + along * ax,
-                start[0] + (along - depth) * ax - depth * nx,
-                np.full(len(along), np.nan),
-            ]
-        ).ravel()
-        y = np.column_stack(
-            [
-                start[1] + along * ay,
-                start[1] + (along - depth) * ay - depth * ny,
-                np.full(len(along), np.nan),
-            ]
-        ).ravel()
-        self.axes.add_line(Line2D(x, y, color=FAINT, linewidth=0.9, zorder=1))
+        way, depth = _Way(start, end), 0.13
+        along = np.linspace(0.1, way.length, max(2, round(way.length / 0.14)))
+        pairs = zip(way.at(along), way.at(along - depth, -depth), strict=True)
+        self._stroke(*(segments(a, b) for a, b in pairs), color=FAINT, lw=0.9, zorder=1)
         return self.line(start, end, width=1.6)
 
-    def wall(self, foot: Point, height: float, side: str = "left") -> Span:
+    @asked
+    def wall(self, foot: Point, height: float, side: Literal["left", "right"] = "left") -> Span:
         """s.wall((1, 0.5), 2): an upright fixed wall, hatched on its "left" or "right" side."""
         x, y = foot
-        return (
-            self.ground((x, y + height), (x, y))
-            if side == "left"
-            else self.ground((x, y), (x, y + height))
-        )
+        ends = {"left": ((x, y + height), (x, y)), "right": ((x, y), (x, y + height))}
+        return self.ground(*ends[side])
 
+    @asked
     def block(
         self,
         center: Point,
@@ -275,34 +225,23 @@ class Sketch(View):
         A body, or a block of a diagram, round its centre; turned by `angle`.
         """
         _points(center)
-        x, y = center
-        self.axes.add_patch(
-            Rectangle(
-                (x - width / 2, y - height / 2),
-                width,
-                height,
-                angle=angle,
-                rotation_point="center",
-                facecolor=fill,
-                edgecolor=INK,
-                linewidth=1.5,
-                zorder=4,
-            )
-        )
+        corner = center[0] - width / 2, center[1] - height / 2
+        look = {"facecolor": fill, "edgecolor": INK, "lw": 1.5, "zorder": 4}
+        turn = {"angle": angle, "rotation_point": "center"}
+        self.axes.add_patch(Rectangle(corner, width, height, **turn, **look))
         if label:
             self.text(center, label, size=13, angle=angle, halo=False)
         return Box(center, width, height)
 
+    @asked
     def ball(self, center: Point, radius: float = 0.2, label: str = "", fill: str = FILL) -> Box:
         """s.ball((3, 2), 0.2, "$m$"): a round body."""
-        _points(center)
-        self.axes.add_patch(
-            Circle(center, radius, facecolor=fill, edgecolor=INK, linewidth=1.5, zorder=4)
-        )
+        box = self._circle(center, radius, 1.5, 4, fill)
         if label:
             self.text(center, label, halo=False)
-        return Box(center, 2 * radius, 2 * radius)
+        return box
 
+    @asked
     def spring(
         self,
         start: Point,
@@ -316,32 +255,15 @@ class Sketch(View):
 
         The label stands "above" (or right of an upright one) or "below" it.
         """
-        along, across = _direction(start, end)
-        length = hypot(end[0] - start[0], end[1] - start[1])
-        lead = min(0.18 * length, 0.3)
-        turns = np.concatenate(
-            [
-                [0, lead],
-                lead + (np.arange(2 * coils) + 0.5) / (2 * coils) * (length - 2 * lead),
-                [length - lead, length],
-            ]
-        )
-        swing = np.concatenate(
-            [[0, 0], np.where(np.arange(2 * coils) % 2, -0.5, 0.5) * width, [0, 0]]
-        )
-        self.axes.add_line(
-            Line2D(
-                start[0] + turns * along[0] + swing * across[0],
-                start[1] + turns * along[1] + swing * across[1],
-                color=INK,
-                linewidth=1.4,
-                solid_joinstyle="round",
-                zorder=3,
-            )
-        )
-        self._label_along(start, end, label, side, width / 2 + 0.2, INK)
-        return Span(start, end)
+        way, turns = _Way(start, end), np.arange(2 * coils)
+        length, lead = way.length, min(0.18 * way.length, 0.3)
+        along = lead + (turns + 0.5) / (2 * coils) * (length - 2 * lead)
+        swing = np.where(turns % 2, -0.5, 0.5) * width
+        path = way.at(np.r_[0, lead, along, length - lead, length], np.r_[0, 0, swing, 0, 0])
+        self._stroke(*path, color=INK, lw=1.4, solid_joinstyle="round", zorder=3)
+        return self._label(start, end, label, side, width / 2 + 0.2)
 
+    @asked
     def damper(
         self, start: Point, end: Point, label: str = "", width: float = 0.36, side: str = "above"
     ) -> Span:
@@ -349,31 +271,25 @@ class Sketch(View):
 
         `side` as for a spring.
         """
-        (ax, ay), (nx, ny) = _direction(start, end)
-        length = hypot(end[0] - start[0], end[1] - start[1])
-        cup, half = min(0.4, 0.45 * length), width / 2
-
-        def place(a: float, b: float) -> Point:
-            return start[0] + a * ax + b * nx, start[1] + a * ay + b * ny
-
-        back, front = (length - cup) / 2, (length + cup) / 2
-        self.line(place(0, 0), place(back, 0))
-        self.line(place(front, half), place(back, half), place(back, -half), place(front, -half))
+        way, half = _Way(start, end), width / 2
+        cup = min(0.4, 0.45 * way.length)
+        back, front = (way.length - cup) / 2, (way.length + cup) / 2
+        self.line(start, way.at(back))
+        corners = (front, half), (back, half), (back, -half), (front, -half)
+        self.line(*(way.at(*corner) for corner in corners))
         middle = (back + front) / 2 + 0.03
-        self.line(place(middle, 0.8 * half), place(middle, -0.8 * half), width=2.4)
-        self.line(place(middle, 0), place(length, 0))
-        self._label_along(start, end, label, side, half + 0.2, INK)
-        return Span(start, end)
+        self.line(way.at(middle, 0.8 * half), way.at(middle, -0.8 * half), width=2.4)
+        self.line(way.at(middle), end)
+        return self._label(start, end, label, side, half + 0.2)
 
+    @asked
     def rod(self, start: Point, end: Point, label: str = "", width: float = 3.0) -> Span:
         """s.rod((2, 3), (3, 1), "$l$"): a stiff rod with a pin at its start."""
         self.line(start, end, width=width)
-        self.axes.add_patch(
-            Circle(start, 0.06, facecolor="white", edgecolor=INK, linewidth=1.3, zorder=5)
-        )
-        self._label_along(start, end, label, "above", 0.22, INK)
-        return Span(start, end)
+        self._circle(start, 0.06, 1.3)
+        return self._label(start, end, label, "above", 0.22)
 
+    @asked
     def pendulum(
         self,
         pivot: Point,
@@ -389,68 +305,46 @@ class Sketch(View):
         Pivot, rod, bob, vertical and the angle from it (degrees). Returns the bob's Box.
         """
         x, y = pivot
-        end = (x + length * sin(radians(angle)), y - length * cos(radians(angle)))
+        nx, ny = cos(radians(angle)), sin(radians(angle))  # across the rod
+        end = (x + length * ny, y - length * nx)
         way = -1.0 if abs(angle) > 90 else 1.0  # an inverted pendulum's angle is drawn from above
         self.line((x, y), (x, y - way * (length + 0.1)), color=FAINT, width=0.9, dashed=True)
-        low, high = sorted(
-            (-90.0 * way, angle - 90.0 if way > 0 or angle > 0 else angle + 270.0)
-        )  # of the arc, from the horizontal
-        reach = 0.45 * length
-        self.axes.add_patch(
-            Arc(
-                pivot,
-                2 * reach,
-                2 * reach,
-                theta1=low,
-                theta2=high,
-                color=COLORS[1],
-                linewidth=1.3,
-                zorder=3,
-            )
-        )
+        # of the arc, from the horizontal
+        turned = angle - 90.0 if way > 0 or angle > 0 else angle + 270.0
+        low, high = sorted((-90.0 * way, turned))
+        size, look = 0.9 * length, {"color": COLORS[1], "lw": 1.3, "zorder": 3}
+        self.axes.add_patch(Arc(pivot, size, size, theta1=low, theta2=high, **look))
         if label:
-            middle = radians((low + high) / 2)
-            self.text(
-                (x + (reach + 0.2) * cos(middle), y + (reach + 0.2) * sin(middle)),
-                label,
-                color=COLORS[1],
-            )
+            middle, reach = radians((low + high) / 2), 0.45 * length + 0.2
+            at = x + reach * cos(middle), y + reach * sin(middle)
+            self.text(at, label, color=COLORS[1])
         self.rod(pivot, end)
         if rod:
-            nx, ny = cos(radians(angle)), sin(radians(angle))
-            out = way if angle >= 0 else -way  # on the side away from the angle
-            self.text(
-                (
-                    x + 0.72 * (end[0] - x) + 0.2 * out * nx,
-                    y + 0.72 * (end[1] - y) + 0.2 * out * ny,
-                ),
-                rod,
-            )
+            out = 0.2 * (way if angle >= 0 else -way)  # on the side away from the angle
+            at = x + 0.72 * (end[0] - x) + out * nx, y + 0.72 * (end[1] - y) + out * ny
+            self.text(at, rod)
         return self.ball(end, radius, bob)
 
     # -- block diagrams ----------------------------------------------------------------------------
 
+    @asked
     def integrator(self, center: Point, label: str = "$\\int$", size: float = 0.7) -> Box:
         """s.integrator((5, 1)): a square block with an integral sign."""
         return self.block(center, size, size, label, fill="white")
 
+    @asked
     def sum(self, center: Point, signs: str = "+ −", radius: float = 0.16) -> Box:
         """s.sum((2, 1), "+ −"): a summing point.
 
         The signs stand at its left and lower input (a third one above).
         """
-        self.axes.add_patch(
-            Circle(center, radius, facecolor="white", edgecolor=INK, linewidth=1.4, zorder=4)
-        )
-        x, y = center
-        for sign, (dx, dy) in zip(
-            signs.split(),
-            ((-radius - 0.13, 0.14), (0.15, -radius - 0.14), (0.15, radius + 0.14)),
-            strict=False,
-        ):
+        box, (x, y) = self._circle(center, radius, 1.4, 4), center
+        places = ((-radius - 0.13, 0.14), (0.15, -radius - 0.14), (0.15, radius + 0.14))
+        for sign, (dx, dy) in zip(signs.split(), places, strict=False):
             self.text((x + dx, y + dy), sign.replace("-", "−"), size=11)
-        return Box(center, 2 * radius, 2 * radius)
+        return box
 
+    @asked
     def connect(self, *points: Point, label: str = "", dot: bool = False) -> Span:
         """s.connect(a.right, (4, 2), b.left, label="$x$").
 
@@ -459,7 +353,7 @@ class Sketch(View):
         dot=True marks the start as a branch. The label stands above the longest stretch that is
         level.
         """
-        _points(*points)
+        _points(*points, least=2)
         path = [points[0]]
         for x, y in points[1:]:
             a, b = path[-1]
@@ -468,16 +362,15 @@ class Sketch(View):
             path.append((x, y))
         if len(path) > 2:
             self.line(*path[:-1], width=1.3)
-        self._arrow(path[-2:], INK, 1.3, head=11)
+        self._arrow(*path[-2:], lw=1.3, mutation_scale=11)
         if dot:
-            self.axes.add_patch(Circle(points[0], 0.045, color=INK, zorder=5))
+            self._circle(points[0], 0.045, 1.0, fill=INK)
         if label:
-            a, b = max(
-                zip(path[:-1], path[1:], strict=True), key=lambda ab: abs(ab[1][0] - ab[0][0])
-            )
+            a, b = max(pairwise(path), key=lambda ab: abs(ab[1][0] - ab[0][0]))
             self.text(((a[0] + b[0]) / 2, a[1] + 0.17), label)
         return Span(points[0], points[-1])
 
+    @asked
     def characteristic(
         self,
         center: Point,
@@ -498,102 +391,73 @@ class Sketch(View):
                 f"there is no little characteristic {kind!r}; there are "
                 f"{', '.join(CHARACTERISTICS)}, or give points"
             )
-        shape = np.array(CHARACTERISTICS[kind] if isinstance(kind, str) else kind, dtype=float)
+        u, v = CHARACTERISTICS[kind] if isinstance(kind, str) else zip(*kind, strict=True)
         box = self.block(center, width, height, fill="white")
-        x, y = center
-        a, b = 0.42 * width, 0.42 * height
-        for ends in (((x - a, y), (x + a, y)), ((x, y - b), (x, y + b))):
-            self.axes.add_line(
-                Line2D(*zip(*ends, strict=True), color=FAINT, linewidth=0.7, zorder=5)
-            )  # type: ignore[arg-type]
-        self.axes.add_line(
-            Line2D(
-                x + 0.9 * a * shape[:, 0],
-                y + b * shape[:, 1],
-                color=COLORS[0],
-                linewidth=1.8,
-                zorder=6,
-                solid_joinstyle="miter",
-            )
-        )
+        (x, y), a, b = center, 0.42 * width, 0.42 * height
+        for ends in (((x - a, x + a), (y, y)), ((x, x), (y - b, y + b))):
+            self._stroke(*ends, color=FAINT, lw=0.7, zorder=5)
+        look = {"color": COLORS[0], "lw": 1.8, "zorder": 6, "solid_joinstyle": "miter"}
+        self._stroke(x + 0.9 * a * np.array(u), y + b * np.array(v), **look)
         if label:
             self.text((x, box.top[1] + 0.18), label)
         return box
 
+    @asked
     def switch(self, start: Point, end: Point, label: str = "", closed: bool = False) -> Span:
         """s.switch((1, 2), (2, 2), "$S$"): a switch in a line, open or closed."""
-        (ax, ay), (nx, ny) = _direction(start, end)
-        length = hypot(end[0] - start[0], end[1] - start[1])
-        gap = min(0.5, 0.5 * length)
-        a, b = (length - gap) / 2, (length + gap) / 2
-        left, right = (start[0] + a * ax, start[1] + a * ay), (start[0] + b * ax, start[1] + b * ay)
+        way = _Way(start, end)
+        gap = min(0.5, 0.5 * way.length)
+        a, b = (way.length - gap) / 2, (way.length + gap) / 2
         lift = 0.0 if closed else 0.45 * gap
-        self.line(start, left)
-        self.line(right, end)
-        self.line(
-            left,
-            (
-                right[0] - 0.1 * gap * ax * (not closed) + lift * nx,
-                right[1] - 0.1 * gap * ay * (not closed) + lift * ny,
-            ),
-            width=1.8,
-        )
-        for point in (left, right):
-            self.axes.add_patch(
-                Circle(point, 0.05, facecolor="white", edgecolor=INK, linewidth=1.2, zorder=5)
-            )
-        self._label_along(start, end, label, "above", lift + 0.2, INK)
-        return Span(start, end)
+        self.line(start, way.at(a))
+        self.line(way.at(b), end)
+        self.line(way.at(a), way.at(b - 0.1 * gap * (not closed), lift), width=1.8)
+        for place in (a, b):
+            self._circle(way.at(place), 0.05, 1.2)
+        return self._label(start, end, label, "above", lift + 0.2)
 
     # -- helpers -----------------------------------------------------------------------------------
 
-    def _arrow(self, ends: Sequence[Point], color: str, width: float, head: float = 14) -> None:
-        _points(*ends)
-        self.axes.add_patch(
-            FancyArrowPatch(
-                *ends,
-                arrowstyle="-|>,head_width=0.28,head_length=0.6",
-                mutation_scale=head,
-                color=color,
-                linewidth=width,
-                shrinkA=0,
-                shrinkB=0,
-                zorder=5,
-                joinstyle="miter",
-                capstyle="butt",
-            )
-        )
+    def _stroke(self, x: Any, y: Any, **look: Any) -> None:
+        self.axes.add_line(Line2D(x, y, **look))
 
-    def _label_along(
-        self, start: Point, end: Point, label: str, side: str, away: float, color: str
-    ) -> None:
+    def _circle(
+        self, center: Point, radius: float, width: float, above: int = 5, fill: str = "white"
+    ) -> Box:
+        _points(center)
+        look = {"facecolor": fill, "edgecolor": INK, "lw": width, "zorder": above}
+        self.axes.add_patch(Circle(center, radius, **look))
+        return Box(center, 2 * radius, 2 * radius)
+
+    def _arrow(self, start: Point, end: Point, **look: Any) -> None:
+        _points(start, end)
+        options = {"arrowstyle": "-|>,head_width=0.28,head_length=0.6", "mutation_scale": 14}
+        options |= {"color": INK, "shrinkA": 0, "shrinkB": 0, "zorder": 5}
+        options |= {"joinstyle": "miter", "capstyle": "butt", **look}
+        self.axes.add_patch(FancyArrowPatch(start, end, **options))
+
+    def _label(
+        self, start: Point, end: Point, label: str, side: str, away: float, color: str = INK
+    ) -> Span:
+        """The label of a piece between two points."""
+        if side not in ("end", "above", "below"):
+            raise ModelError(f"side of a label is 'end', 'above' or 'below', not {side!r}")
         if not label:
-            return
-        (ax, ay), (nx, ny) = _direction(start, end)
+            return Span(start, end)
+        way, align = _Way(start, end), "center"
         if side == "end":
-            x, y = end[0] + 0.1 * ax, end[1] + 0.1 * ay
-            upright = abs(ay) > abs(ax)
-            self.text(
-                (x, y + (0.08 if ay > 0 else -0.08) * upright),
-                label,
-                color=color,
-                align="center" if upright else "left" if ax > 0 else "right",
-            )
-            return
-        if ny < 0 or (ny == 0 and nx < 0):  # "above" is above, or to the right of an upright piece
-            nx, ny = -nx, -ny
-        sign = -1 if side == "below" else 1
-        self.text(
-            (
-                (start[0] + end[0]) / 2 + sign * away * nx,
-                (start[1] + end[1]) / 2 + sign * away * ny,
-            ),
-            label,
-            color=color,
-        )
+            upright = abs(way.up) > abs(way.across)
+            x, y = way.at(way.length + 0.1)
+            y += (0.08 if way.up > 0 else -0.08) * upright
+            align = "center" if upright else "left" if way.across > 0 else "right"
+        else:  # "above" is above, or to the right of an upright piece
+            left = 1 if (way.across, -way.up) > (0, 0) else -1
+            x, y = way.at(way.length / 2, left * (-away if side == "below" else away))
+        self.text((x, y), label, color=color, align=align)
+        return Span(start, end)
 
 
-def _points(*points: Point) -> None:
+def _points(*points: Point, least: int = 1) -> None:
     for point in points:
         if not (
             isinstance(point, Sequence | np.ndarray)
@@ -601,16 +465,8 @@ def _points(*points: Point) -> None:
             and np.all(np.isfinite(np.asarray(point, dtype=float)))
         ):
             raise ModelError(f"a point of a sketch is a pair (x, y) of numbers, not {point!r}")
-
-
-def _direction(start: Point, end: Point) -> tuple[Point, Point]:
-    """Unit vectors along start → end and to its left. ModelError when the points coincide."""
-    _points(start, end)
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    length = hypot(dx, dy)
-    if length < 1e-9:
-        raise ModelError(f"a piece of a sketch needs two different points, not {start!r} twice")
-    return (dx / length, dy / length), (-dy / length, dx / length)
+    if len(points) < least:
+        raise ModelError(f"a piece of a sketch needs {least} points, not {len(points)}")
 
 
 class Motion(View):
@@ -630,6 +486,7 @@ class Motion(View):
 
     ready = False
 
+    @asked
     def __init__(
         self,
         axes: Axes,
@@ -637,6 +494,8 @@ class Motion(View):
         width: float = 6.0,
         height: float = 3.0,
     ):
+        if not takes(draw, 2):
+            raise ModelError(f"draw of Motion must be a function of a sketch and s, not {draw!r}")
         self.axes, self.figure, self.draw = axes, axes.get_figure(), draw
         axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
         axes.axis("off")
@@ -649,16 +508,15 @@ class Motion(View):
 
     def at(self, run: Any, t: float) -> None:
         sketch = Sketch.__new__(Sketch)  # on these axes, not on a figure of its own
-        self.pieces.clear()
+        self.pieces.all = []
         sketch.axes, sketch.figure, sketch.artists = self.pieces, self.figure, []
-        if isinstance(run, Mapping):
-            now: Any = {
-                name: SimpleNamespace(**values, t=t, p=run[name].p)
-                for name, values in run.at(t).items()
-            }
-        else:
-            now = SimpleNamespace(**run.at(t), t=t, p=run.p)
-        self.draw(sketch, now)
+
+        def instant(values: Mapping[str, Any], one: Any) -> SimpleNamespace:
+            return SimpleNamespace(**values, t=t, p=one.p)
+
+        now, many = run.at(t), isinstance(run, Mapping)
+        each = {name: instant(values, run[name]) for name, values in now.items()} if many else None
+        self.draw(sketch, each if many else instant(now, run))
         self.pieces.stale = True
 
 
@@ -672,9 +530,6 @@ class _Pieces(Artist):
         super().__init__()
         self.host, self.all, self.wide = axes, [], 0.0
         self.set_in_layout(False)
-
-    def clear(self) -> None:
-        self.all = []
 
     def add_line(self, artist: Any) -> Any:
         artist.set_figure(self.host.get_figure())

@@ -16,8 +16,6 @@ from matplotlib.ticker import AutoLocator, Formatter, ScalarFormatter
 
 from .private import tick_size
 
-__all__ = ["Between", "Numbers", "Seconds", "Spaced", "over_time", "said"]
-
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Seconds: up to which end of the axis, its unit, and how many of it make a second
 _UNITS = ((1e-7, "ns", 1e9), (1e-4, "µs", 1e6), (0.1, "ms", 1e3))

@@ -9,13 +9,14 @@ view = time_plot(run, "x"); view.update(another_run)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, PathPatch
+from matplotlib.patches import Patch
 from matplotlib.path import Path
 
 from ..arguments import unambiguous
@@ -28,22 +29,21 @@ from .figure import (
     DASHES,
     FAINT,
     INK,
-    VEIL,
-    Figure,
+    area,
     figure,
     head,
     label,
     mode_colors,
+    stroke,
     style,
     symbol,
     tint,
+    word,
 )
 from .private import closed, reshape
 from .ticks import over_time
-from .view import Shows, View, Window, extent
+from .view import Shows, View, Window, extent, same_system
 from .words import EVENTS, MODE
-
-__all__ = ["TimePlot", "time_plot"]
 
 Data = Run | Runs | Sequence[Run | Runs] | Mapping[str, Run | Runs]
 # Up to so many events have a line over the whole height, modes a tinted background; more: a strip
@@ -71,10 +71,31 @@ def time_plot(
     events   thin lines at the events of a single run (ticks at the top when there are many); jumps
              of a curve are dashed
     modes    background coloured by mode, for a single run of a system with several modes
-    Curves pause where the mode does not have the state. Raises ModelError for an unknown name or
-    runs of different systems.
+    Curves pause where the mode does not have the state. Raises ModelError for a name that one of
+    the runs does not have.
     """
-    return TimePlot(run, names, axes, title, events, modes, legend, width, height)
+    labels, runs = _listed(run)
+    system = runs[0].system
+    groups = [(group,) if isinstance(group, str) else tuple(group) for group in names]
+    groups = groups or [(name,) for name in system.units]
+    known = [*system.units, *system.outputs]
+    for name in (name for group in groups for name in group):
+        if name not in known:
+            raise ModelError(
+                f"{name!r} is neither a state nor an output of {system.name!r}; there are "
+                f"{listed(known)}"
+            )
+    if axes is None:
+        count = len(groups)
+        height = height or 1.2 + (2.6 if count == 1 else 1.9) * count
+        axes = figure(count, 1, width=width, height=height, sharex=True).axes
+    panels = [axes] if isinstance(axes, Axes) else list(axes)
+    if len(panels) != len(groups):
+        raise ModelError(f"time_plot has {len(groups)} panel(s) and got {len(panels)} axes")
+    shows = [Shows(ax, "t", group) for ax, group in zip(panels, groups, strict=True)]
+    view = TimePlot(runs, shows, events, modes)
+    view._write(system.name if title is None else title, labels, legend)
+    return view
 
 
 class TimePlot(View):
@@ -83,125 +104,77 @@ class TimePlot(View):
     See View for update, artists and relimited.
     """
 
-    def __init__(
-        self,
-        run: Data,
-        names: Sequence[str | tuple[str, ...]],
-        axes: Axes | Sequence[Axes] | None,
-        title: str | None,
-        events: bool,
-        modes: bool,
-        legend: bool,
-        width: float,
-        height: float | None,
-    ):
-        labels, runs = _listed(run)
-        self.system: System = runs[0].system
-        self.groups = [
-            (group,) if isinstance(group, str) else tuple(group)
-            for group in names or list(self.system.units)
-        ]
-        for name in (name for group in self.groups for name in group):
-            if name not in self.system.units and name not in self.system.outputs:
-                raise ModelError(
-                    f"{name!r} is neither a state nor an output of {self.system.name!r}; there "
-                    f"are {listed([*self.system.units, *self.system.outputs])}"
-                )
-        self.figure, self.axes = _panels(axes, len(self.groups), width, height)
-        self.shows = [
-            Shows(ax, "t", group) for ax, group in zip(self.axes, self.groups, strict=True)
-        ]
-        alone = len(runs) == 1
-        self._modes = (
-            [_Modes(ax, self.system) for ax in self.axes]
-            if modes and alone and len(self.system.modes) > 1 and isinstance(runs[0], Run)
-            else []
-        )
-        self._events = (
-            [_Events(ax) for ax in self.axes]
-            if events and alone and isinstance(runs[0], Run)
-            else []
-        )
+    def __init__(self, runs: list[Run | Runs], shows: list[Shows], events: bool, modes: bool):
+        system = self.system = runs[0].system
+        self.shows, self.axes = shows, [show.axes for show in shows]
+        self.figure = self.axes[0].get_figure()
+        single = len(runs) == 1 and isinstance(runs[0], Run)
+        several = single and modes and len(system.modes) > 1
+        self._modes = [_Modes(ax, system) for ax in self.axes] if several else []
+        self._events = [_Events(ax) for ax in self.axes] if single and events else []
         self._curves = [
             [
-                [
-                    _Curve(ax, *_look(i, k, len(runs), len(group)), many=isinstance(r, Runs))
-                    for k, _ in enumerate(group)
-                ]
-                for i, r in enumerate(runs)
+                [_Curve(show.axes, one, *look) for look in _looks(i, len(runs), len(show.names))]
+                for i, one in enumerate(runs)
             ]
-            for ax, group in zip(self.axes, self.groups, strict=True)
+            for show in shows
         ]
-        self.artists: list[Artist] = [
-            a for part in (*self._modes, *self._events) for a in part.artists
-        ]
-        self.artists += [
-            a
-            for panel in self._curves
-            for curves in panel
-            for curve in curves
-            for a in curve.artists
-        ]
+        lines = [curve for panel in self._curves for curves in panel for curve in curves]
+        parts = (*self._modes, *self._events, *lines)
+        self.artists: list[Artist] = [artist for part in parts for artist in part.artists]
         span, *ranges = self._set_data(runs)
-        self._x = [
+        self._windows = [
             Window(ax, "x", *span, margin=0, room=0)
             for k, ax in enumerate(self.axes)
-            if not any(ax.get_shared_x_axes().joined(ax, b) for b in self.axes[:k])
+            if not _shared(ax, self.axes[:k])
         ]
-        self._y = [Window(ax, "y", *between) for ax, between in zip(self.axes, ranges, strict=True)]
-        self._write(title, labels, legend)
+        self._spans = len(self._windows)
+        self._windows += [
+            Window(ax, "y", *between) for ax, between in zip(self.axes, ranges, strict=True)
+        ]
 
     def _set_data(self, runs: Sequence[Run | Runs]) -> list[tuple[float, float]]:
         """Gives every artist its data; returns the extent of t and of each panel."""
         for part in (*self._modes, *self._events):
             part.set(runs[0])
-        times = [_joined(run.t) if isinstance(run, Runs) else run.t for run in runs]
+        times = [_joined(run.t) for run in runs]
         ranges = []
-        for group, panel in zip(self.groups, self._curves, strict=True):
+        for show, panel in zip(self.shows, self._curves, strict=True):
             found = []
             for run, t, curves in zip(runs, times, panel, strict=True):
-                for name, curve in zip(group, curves, strict=True):
-                    y = _joined(run[name]) if isinstance(run, Runs) else run[name]
-                    found.append(y)
-                    curve.set(t, y)
+                for name, curve in zip(show.names, curves, strict=True):
+                    found.append(_joined(run[name]))
+                    curve.set(t, found[-1])
             ranges.append(extent(*found))
         return [extent(*times), *ranges]
 
-    def _write(self, title: str | None, labels: Sequence[str], legend: bool) -> None:
-        top = self.axes[0]
+    def _write(self, title: str, labels: Sequence[str], legend: bool) -> None:
         self._few = bool(self._modes) and self._modes[0].few
-        for ax, group, panel in zip(self.axes, self.groups, self._curves, strict=True):
+        for k, (show, panel) in enumerate(zip(self.shows, self._curves, strict=True)):
             entries: list[tuple[Artist, str]] = []
-            if len(group) > 1:
+            if len(show.names) > 1:
+                look = {} if len(panel) == 1 else {"color": INK}
                 entries += [
-                    (_sample(curve.line, **{} if len(panel) == 1 else {"color": INK}), symbol(name))
-                    for curve, name in zip(panel[0], group, strict=True)
+                    (sample(curve.line, **look), symbol(name))
+                    for curve, name in zip(panel[0], show.names, strict=True)
                 ]
-            if len(panel) > 1 and ax is top:
+            if len(panel) > 1 and k == 0:
+                look = {} if len(show.names) == 1 else {"linestyle": "-"}
                 entries += [
-                    (_sample(curves[0].line, **{} if len(group) == 1 else {"linestyle": "-"}), text)
+                    (sample(curves[0].line, **look), text)
                     for curves, text in zip(panel, labels, strict=True)
                 ]
-            if self._modes and ax is top:
+            if self._modes and k == 0:
+                look = {"edgecolor": FAINT, "linewidth": 0.5, "gid": MODE}
                 entries += [
-                    (
-                        Patch(facecolor=color, edgecolor=FAINT, linewidth=0.5, gid=MODE),
-                        mode,
-                    )
+                    (Patch(facecolor=color, **look), mode)
                     for mode, color in zip(self.system.modes, self._modes[0].tints, strict=True)
                 ]
-            head(
-                ax,
-                (self.system.name if title is None else title) if ax is top else "",
-                entries if legend else [],
-            )
+            head(show.axes, "" if k else title, entries if legend else [])
             with style():
-                ax.set_ylabel(label(self.system, *group))
-                if not any(
-                    ax.get_shared_x_axes().joined(ax, other)
-                    for other in self.axes[self.axes.index(ax) + 1 :]
-                ):
-                    over_time(ax, symbol("t"), self.system.time)
+                show.axes.set_ylabel(label(self.system, *show.names))
+                if not _shared(show.axes, self.axes[k + 1 :]):
+                    over_time(show.axes, symbol("t"), self.system.time)
 
     def update(self, run: Data) -> None:
         """view.update(run): shows another run (as many runs as at first) of the same system.
@@ -213,17 +186,10 @@ class TimePlot(View):
             raise ModelError(
                 f"this picture shows {len(self._curves[0])} run(s), update got {len(runs)}"
             )
-        if list(runs[0].system.units) != list(self.system.units) or list(
-            runs[0].system.modes
-        ) != list(self.system.modes):
-            raise ModelError(
-                f"this picture was made for {self.system.name!r}, update got a run of "
-                f"{runs[0].system.name!r}"
-            )
+        same_system(runs[0], self.system)
         span, *ranges = self._set_data(runs)
-        moved = [window.fit(*span) for window in self._x] + [
-            window.fit(*between) for window, between in zip(self._y, ranges, strict=True)
-        ]
+        found = [span] * self._spans + ranges
+        moved = [window.fit(*one) for window, one in zip(self._windows, found, strict=True)]
         self.relimited = self._recolor() or any(moved)
 
     def _recolor(self) -> bool:
@@ -233,8 +199,8 @@ class TimePlot(View):
         if not samples or self._few == self._modes[0].few:
             return False
         self._few = self._modes[0].few
-        for sample, color in zip(samples, self._modes[0].tints, strict=True):
-            sample.set_facecolor(color)
+        for one, color in zip(samples, self._modes[0].tints, strict=True):
+            one.set_facecolor(color)
         head(self.axes[0], *headed)
         return True
 
@@ -242,11 +208,7 @@ class TimePlot(View):
 def _listed(run: Data) -> tuple[list[str], list[Run | Runs]]:
     if isinstance(run, Run | Runs):
         return [""], [run]
-    labels, runs = (
-        (list(map(str, run)), list(run.values()))
-        if isinstance(run, Mapping)
-        else ([f"run {i + 1}" for i in range(len(run))], list(run))
-    )
+    runs = list(run.values() if isinstance(run, Mapping) else run)
     for one in runs:
         if not isinstance(one, Run | Runs):
             raise ModelError(
@@ -255,40 +217,27 @@ def _listed(run: Data) -> tuple[list[str], list[Run | Runs]]:
             )
     if not runs:
         raise ModelError("there is no run to draw: the list is empty")
-    return labels, runs
+    numbered = (f"run {i + 1}" for i in range(len(runs)))
+    return list(map(str, run if isinstance(run, Mapping) else numbered)), runs
 
 
-def _panels(
-    axes: Axes | Sequence[Axes] | None, count: int, width: float, height: float | None
-) -> tuple[Figure, list[Axes]]:
-    if axes is None:
-        fig = figure(
-            count,
-            1,
-            width=width,
-            height=height or 1.2 + (2.6 if count == 1 else 1.9) * count,
-            sharex=True,
-        )
-        return fig, list(fig.axes)
-    panels = [axes] if isinstance(axes, Axes) else list(axes)
-    if len(panels) != count:
-        raise ModelError(f"time_plot has {count} panel(s) and got {len(panels)} axes")
-    return panels[0].get_figure(), panels
+def _shared(axes: Axes, others: Sequence[Axes]) -> bool:
+    return any(axes.get_shared_x_axes().joined(axes, other) for other in others)
 
 
-def _look(i: int, k: int, runs: int, names: int) -> tuple[str, object]:
-    """Colour and dash of curve k of run i: one run, a colour for each name.
+def _looks(i: int, runs: int, names: int) -> list[tuple[str, Any]]:
+    """Colour and dash of each name's curve of run i: of one run, a colour for each name.
 
-    Several runs, a colour for each run, a dash for each name.
+    Of several runs, a colour for each run, a dash for each name.
     """
-    if runs == 1:
-        return COLORS[k % len(COLORS)], DASHES[k] if names <= len(DASHES) else "-"
-    return COLORS[i % len(COLORS)], DASHES[k % len(DASHES)] if names > 1 else DASHES[
-        i
-    ] if runs <= len(DASHES) else "-"
+    colors = [COLORS[(k if runs == 1 else i) % len(COLORS)] for k in range(names)]
+    if runs == 1 or names > 1:
+        many = runs == 1 and names > len(DASHES)
+        return [(c, "-" if many else DASHES[k % len(DASHES)]) for k, c in enumerate(colors)]
+    return [(colors[0], DASHES[i] if runs <= len(DASHES) else "-")]
 
 
-def _sample(line: Line2D, **changed: object) -> Line2D:
+def sample(line: Line2D, **changed: object) -> Line2D:
     """A legend's own copy of a line: the line itself is drawn by the panel at its own time."""
     copy = Line2D([], [])
     copy.update_from(line)
@@ -297,62 +246,41 @@ def _sample(line: Line2D, **changed: object) -> Line2D:
 
 
 def _joined(rows: np.ndarray) -> np.ndarray:
-    """(lanes, m) -> one row with NaN between the lanes: the pen goes up."""
-    return np.column_stack([rows, np.full(len(rows), np.nan)]).ravel()
+    """(lanes, m) -> one row with NaN between the lanes: the pen goes up. One row stays."""
+    if rows.ndim == 1:
+        return rows
+    return np.pad(rows, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
 
 
 class _Curve:
     """A curve that is interrupted at its jumps, and the dashed jumps."""
 
-    def __init__(self, ax: Axes, color: str, dash: object, many: bool = False):
-        width, alpha = (0.8, 0.6) if many else (1.6, 1.0)
-        self.line = Line2D(
-            [],
-            [],
-            color=color,
-            linestyle=dash,
-            linewidth=width,
-            alpha=alpha,
-            zorder=3,
-            dash_capstyle="butt",
-        )  # type: ignore[arg-type]
-        self.jumps = Line2D(
-            [],
-            [],
-            color=color,
-            linestyle=(0, (3, 2)),
-            linewidth=0.6 * width,
-            alpha=alpha,
-            zorder=2.9,
-        )
+    def __init__(self, ax: Axes, run: Run | Runs, color: str, dash: Any):
+        width, alpha = (0.8, 0.6) if isinstance(run, Runs) else (1.6, 1.0)
+        look = {"color": color, "alpha": alpha}
+        self.jumps = stroke(ax, ls=(0, (3, 2)), lw=0.6 * width, zorder=2.9, **look)
+        self.line = stroke(ax, ls=dash, lw=width, zorder=3, dash_capstyle="butt", **look)
         self.artists = [self.jumps, self.line]
-        for artist in self.artists:
-            ax.add_line(artist)
 
     def set(self, t: np.ndarray, y: np.ndarray) -> None:
-        self.line.set_data(*_broken(t, y, at := _jumps(t, y)))
-        self.jumps.set_data(_segments(t[at], t[at + 1]), _segments(y[at], y[at + 1]))
+        at = jumps(t, y)
+        broken = [np.insert(values, at + 1, np.nan) for values in (t, y)] if len(at) else (t, y)
+        self.line.set_data(*broken)
+        self.jumps.set_data(segments(t[at], t[at + 1]), segments(y[at], y[at + 1]))
 
 
-def _jumps(t: np.ndarray, *values: np.ndarray) -> np.ndarray:
+def jumps(t: np.ndarray, *values: np.ndarray) -> np.ndarray:
     """Positions i where samples i, i + 1 share an instant and a value differs visibly (1e-6)."""
     here = np.flatnonzero(t[1:] == t[:-1])
-    if not len(here):
-        return here
     moved = np.zeros(len(here), dtype=bool)
-    for y in values:
+    for y in values if len(here) else ():
         low, high = extent(y)
-        moved |= np.abs(y[here + 1] - y[here]) > 1e-6 * (
-            high - low
-        )  # False for NaN: a state that begins or ends does not jump
+        # False for NaN: a state that begins or ends does not jump
+        moved |= np.abs(y[here + 1] - y[here]) > 1e-6 * (high - low)
     return here[moved]
 
 
-def _broken(t: np.ndarray, y: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return (np.insert(t, at + 1, np.nan), np.insert(y, at + 1, np.nan)) if len(at) else (t, y)
-
-
-def _segments(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def segments(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a, b -> a0, b0, NaN, a1, b1, NaN, ….
 
     Many separate strokes in one line, which draws far faster than many lines.
@@ -367,23 +295,15 @@ class _Events:
     """
 
     def __init__(self, ax: Axes):
-        self.line = Line2D(
-            [],
-            [],
-            color=FAINT,
-            linewidth=0.7,
-            alpha=0.75,
-            zorder=1.5,
-            gid=EVENTS,
-            transform=ax.get_xaxis_transform(),
-        )
+        across = ax.get_xaxis_transform()
+        look = {"color": FAINT, "lw": 0.7, "alpha": 0.75, "zorder": 1.5}
+        self.line = stroke(ax, gid=EVENTS, transform=across, **look)
         self.artists = [self.line]
-        ax.add_artist(self.line)
 
     def set(self, run: Run) -> None:
         t = np.array([event.t for event in run.events])
         bottom = 0.0 if len(t) <= FEW else 0.965
-        self.line.set_data(_segments(t, t), _segments(np.full(len(t), bottom), np.ones(len(t))))
+        self.line.set_data(segments(t, t), segments(np.full(len(t), bottom), np.ones(len(t))))
 
 
 class _Modes:
@@ -395,26 +315,12 @@ class _Modes:
 
     def __init__(self, ax: Axes, system: System):
         self.colors = mode_colors(system)
-        self.patches = [
-            PathPatch(
-                Path(np.zeros((0, 2))), linewidth=0, zorder=0.4, transform=ax.get_xaxis_transform()
-            )
-            for _ in self.colors
-        ]
-        for patch in self.patches:
-            ax.add_artist(patch)
-        self.words = ax.annotate(
-            "",
-            (0.0, 0.0),
-            xycoords="axes fraction",
-            xytext=(3, 2),
-            textcoords="offset points",
-            fontsize=8.5,
-            color=INK,
-            zorder=6,
-            bbox=VEIL,
-        )
-        self.words.set_in_layout(False)
+        look = {"lw": 0, "zorder": 0.4, "transform": ax.get_xaxis_transform()}
+        # sharp edges without seams
+        self.patches = [area(ax, antialiased=False, **look) for _ in self.colors]
+        look = {"fontsize": 8.5, "color": INK, "zorder": 6, "annotation_clip": None}
+        self.words = word(ax, 3, 2, xycoords="axes fraction", **look)
+        self.words.xy = (0.0, SHARED)
         self.artists = [*self.patches, self.words]
 
     @property
@@ -425,29 +331,25 @@ class _Modes:
         return [tint(color, strengths[k % len(strengths)]) for k, color in colors]
 
     def set(self, run: Run) -> None:
-        ends = np.flatnonzero(np.diff(run.mode_index)) + 1
-        first = np.append(0, ends)
+        first = np.append(0, np.flatnonzero(np.diff(run.mode_index)) + 1)
         left, right = run.t[first], np.append(run.t[first[1:]], run.t[-1])
         index = run.mode_index[first]
         self.few, many = len(index) <= FEW, len(index) > MANY
-        height, low = (1.0 if self.few else SHARED if many else 0.035), np.zeros(SLOTS + 1)
+        places, low = np.linspace(*run.t[[0, -1]], SLOTS + 1), np.zeros(SLOTS + 1)
         for i, (patch, color) in enumerate(zip(self.patches, self.colors.values(), strict=True)):
             mine = index == i
             if many:
-                shares = _shares(left[mine], right[mine], run.t[0], run.t[-1])
-                path, low = _stack(run.t[0], run.t[-1], low, low + height * shares)
+                high = low + SHARED * _shares(left[mine], right[mine], places)
+                there, back = (np.column_stack([places, level]) for level in (low, high))
+                path, low = closed(np.concatenate([there, back[::-1]])), high
             else:
-                path = _boxes(left[mine], right[mine], height)
+                path = _boxes(left[mine], right[mine], 1.0 if self.few else 0.035)
             reshape(patch, path)
-            patch.set_facecolor(
-                (*to_rgb(color), BANDS[i % len(BANDS)] if self.few else STRIP)
-            )  # see-through: a panel may draw it over the grid
-            patch.set_antialiased(False)  # sharp edges without seams
+            # see-through: a panel may draw it over the grid
+            patch.set_facecolor((*to_rgb(color), BANDS[i % len(BANDS)] if self.few else STRIP))
         words = "share of the time" if many else ""
         if words != self.words.get_text():
             self.words.set_text(words)
-            self.words.set_position((3, 2))
-            self.words.xy = (0.0, SHARED)
 
 
 # More stretches of modes than MANY are finer than a pixel or two: instead the share of each mode at
@@ -455,33 +357,22 @@ class _Modes:
 MANY, SLOTS, WIDE, SHARED, STRIP = 300, 150, 0.04, 0.07, 0.8
 
 
-def _shares(left: np.ndarray, right: np.ndarray, begin: float, end: float) -> np.ndarray:
+def _shares(left: np.ndarray, right: np.ndarray, places: np.ndarray) -> np.ndarray:
     """The part of the window around each place that the stretches left … right cover."""
-    places = np.linspace(begin, end, SLOTS + 1)
     if not len(left):
-        return np.zeros(SLOTS + 1)
-    reach = 0.5 * WIDE * (end - begin)
-    window = np.clip([places - reach, places + reach], begin, end)
+        return np.zeros(len(places))
+    reach = 0.5 * WIDE * (places[-1] - places[0])
+    window = np.clip([places - reach, places + reach], *places[[0, -1]])
     corners = np.column_stack([left, right]).ravel()
     so_far = np.cumsum(np.column_stack([np.zeros(len(left)), right - left]).ravel())
     return np.diff(np.interp(window, corners, so_far), axis=0)[0] / np.diff(window, axis=0)[0]
 
 
-def _stack(begin: float, end: float, low: np.ndarray, high: np.ndarray) -> tuple[Path, np.ndarray]:
-    places = np.linspace(begin, end, SLOTS + 1)
-    there, back = (np.column_stack([places, level]) for level in (low, high))
-    return closed(np.concatenate([there, back[::-1]])), high
-
-
 def _boxes(left: np.ndarray, right: np.ndarray, top: float) -> Path:
     """One path of many rectangles from 0 to `top`."""
-    corners = np.empty((len(left), 5, 2))
-    corners[:, [0, 1, 4], 0], corners[:, [2, 3], 0] = left[:, None], right[:, None]
-    corners[:, [0, 3, 4], 1], corners[:, [1, 2], 1] = 0.0, top
-    codes = np.tile(
-        np.array(
-            [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=np.uint8
-        ),
-        len(left),
-    )
-    return Path(corners.reshape(-1, 2), codes)
+    x = np.column_stack([left, left, right, right, left])
+    y = np.broadcast_to([0.0, top, top, 0.0, 0.0], x.shape)
+    return Path(np.stack([x, y], axis=2).reshape(-1, 2), np.tile(_BOX, len(left)))
+
+
+_BOX = closed(np.zeros((4, 2))).codes

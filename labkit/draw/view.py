@@ -13,10 +13,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from ..model import ModelError
+from ..model import ModelError, System
 from .figure import Figure
-
-__all__ = ["Only", "Shows", "Together", "View", "Window"]
 
 
 @dataclass(frozen=True)
@@ -43,13 +41,13 @@ class Shows:
         if self.data is not None:
             return self.data(run, name)
         if isinstance(run, Mapping):
-            pairs = [self.curve(one, name) for one in run.values() if self._has(one, name)]
+            pairs = [self.curve(one, name) for one in run.values() if self.has(one, name)]
             gap = np.full(1, np.nan)
             x, y = ([part for pair in pairs for part in (pair[k], gap)] for k in (0, 1))
             return (np.concatenate(x), np.concatenate(y)) if pairs else (gap, gap)
         return (run.t if self.x == "t" else run[self.x]), run[name]
 
-    def _has(self, run: Any, *names: str) -> bool:
+    def has(self, run: Any, *names: str) -> bool:
         known = {"t", *run.system.units, *run.system.outputs}
         return {self.x, *names} <= known
 
@@ -59,11 +57,21 @@ class Shows:
             made = (self.data(run, name) for name in self.names)
             return [(t, float(np.interp(t, x, y))) for x, y in made if len(x)]
         if isinstance(run, Mapping):
-            live = [one for one in run.values() if one.t[0] <= t <= one.t[-1] and self._has(one)]
+            live = [one for one in run.values() if one.t[0] <= t <= one.t[-1] and self.has(one)]
             return [point for one in live for point in self.points(one, t)]
         values = {"t": t, **run.at(t)}
         names = [name for name in self.names if name in values and self.x in values]
         return [(values[self.x], values[name]) for name in names]
+
+
+def same_system(run: Any, system: System) -> None:
+    """Raises ModelError for a run of a system that a picture of this one cannot show."""
+    for part in ("units", "modes"):
+        if list(getattr(run.system, part)) != list(getattr(system, part)):
+            raise ModelError(
+                f"this picture was made for {system.name!r}, update got a run of "
+                f"{run.system.name!r}"
+            )
 
 
 class View:
@@ -189,7 +197,7 @@ class Window:
 
     def _proper(self, low: float, high: float) -> tuple[float, float]:
         if not self.log:
-            return _proper(low, high)
+            return proper(low, high)
         if not (np.isfinite(low) and np.isfinite(high) and low > 0):
             return -1.0, 1.0
         low, high = np.log10((low, high))
@@ -202,8 +210,7 @@ class Window:
 
     def _shown(self) -> tuple[float, float]:
         limits = getattr(self.axes, f"get_{self.which}lim")()
-        low, high = map(float, np.log10(limits) if self.log else limits)
-        return low, high
+        return tuple(map(float, np.log10(limits) if self.log else limits))  # type: ignore
 
     def fit(self, low: float, high: float) -> bool:
         """window.fit(low, high) -> True when the limits had to move.
@@ -221,42 +228,37 @@ class Window:
             return False
         if self.log:
             low, high = map(float, np.log10((low, high)))
-        wanted = self._wanted(low, high)
-        slack = 1e-9 * (self.now[1] - self.now[0])
+        wanted, wide = self._wanted(low, high), self.now[1] - self.now[0]
+        slack = 1e-9 * wide
         outside = low < self.now[0] - slack or high > self.now[1] + slack
-        if (
-            outside
-            or self.now[1] - self.now[0] > (2 if self.room else 1) * (wanted[1] - wanted[0]) + slack
-        ):
+        much = (2 if self.room else 1) * (wanted[1] - wanted[0]) + slack
+        if moves := outside or wide > much:
             self._set(*wanted)
-            return True
-        return False
+        return moves
 
     def _wanted(self, low: float, high: float) -> tuple[float, float]:
         """Limits for such data, whatever they are now."""
-        first = self.first[1] - self.first[0]
-        if self.near and first / 1000 < high - low < first / 4:
+        bottom, top = self.first
+        if self.near and (top - bottom) / 1000 < high - low < (top - bottom) / 4:
             room = (high - low) / 2 if self.room else 0.0
             return low - room, high + room
-        room = self.room * max(high - low, first)
+        room = self.room * max(high - low, top - bottom)
         return (
-            min(low - room, self.first[0]) if low < self.first[0] else self.first[0],
-            max(high + room, self.first[1]) if high > self.first[1] else self.first[1],
+            low - room if low < bottom else bottom,
+            high + room if high > top else top,
         )
 
 
 def extent(*arrays: np.ndarray) -> tuple[float, float]:
     """extent(x, y) -> smallest and largest finite value of all, (nan, nan) when there is none."""
-    low, high = np.inf, -np.inf
-    for array in arrays:
-        good = array[np.isfinite(array)]
-        if len(good):
-            low, high = min(low, float(good.min())), max(high, float(good.max()))
-    return (low, high) if low <= high else (np.nan, np.nan)
+    finite = [good for array in arrays if len(good := array[np.isfinite(array)])]
+    if not finite:
+        return np.nan, np.nan
+    return float(min(good.min() for good in finite)), float(max(good.max() for good in finite))
 
 
-def _proper(low: float, high: float) -> tuple[float, float]:
-    """Limits of some width, also for a constant or for no data at all."""
+def proper(low: float, high: float) -> tuple[float, float]:
+    """proper(low, high): limits of some width, also for a constant or for no data at all."""
     if not (np.isfinite(low) and np.isfinite(high)):
         return -1.0, 1.0
     if high - low <= 1e-9 * max(abs(low), abs(high)):

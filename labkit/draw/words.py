@@ -18,8 +18,6 @@ from matplotlib.axes import Axes
 
 from .ticks import said
 
-__all__ = ["described", "plain"]
-
 #: What an artist says of itself by its gid: a mode's sample in a legend, the instants of events
 MODE, EVENTS = "mode", "events"
 _LIKE = {

@@ -36,7 +36,7 @@ import json, math, time
 import numpy as np
 from labkit import Mode, Parameter, System, explore, figure, phase_portrait
 from labkit import simulate, simulate_many, time_plot
-from labkit.draw import direction_field
+from labkit.draw.layers import DirectionField
 from labkit.draw.view import Together
 
 def flow(t, s, p):
@@ -50,9 +50,9 @@ LIMITS = ((-3, 3), (-4, 4))
 def draw(run):
     fig = figure(1, 2, width=9, height=3.8)
     where = {"limits": LIMITS, "axes": fig.axes[1]}
-    field = direction_field(system, "x", "v", points=19, delta=run.p.delta, **where)
     plane = phase_portrait(system, "x", "v", starts=40, run=run, direction_field=False, title="",
                            **where)
+    field = DirectionField(fig.axes[1], plane.plane, points=19)
     return [time_plot(run, ("x", "v"), axes=fig.axes[0], title=""), plane, field]
 
 simulate(system, 10.0, backend="compiled")
