@@ -423,8 +423,11 @@ def sides(model, w, p, how, fired):
             else:
                 order = leaving(model, w, p, mode, n, t, k, value, band)
             now = 1 if order > 0 else -1
-            if order == 0 and not directed and (how == ARRIVE or how == JUMPED_TO):
-                now = was  # to rest on a surface is not to cross it
+            if order == 0 and (how == ARRIVE or how == JUMPED_TO):
+                if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
+                    now, clear = was, True  # a guard that jumps itself: no reset has put it back
+                elif not directed:
+                    now = was  # to rest on a surface is not to cross it
         w.flat[slot] = 0 if clear else 1
         if clear:
             w.slack[slot] = 0.0
