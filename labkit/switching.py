@@ -235,7 +235,7 @@ class Builder:
     def _at_rest(self, one: str, two: str) -> str:
         """The text of F at rest between two values."""
         if self.law is None:
-            return f"(0.5 * ({one} + {two}))"
+            return f"(({one} + {two}) / 2)"
         return f"held({one}, {two}, law(t, s, p, {one})[1], law(t, s, p, {two})[1])"
 
 
