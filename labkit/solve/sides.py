@@ -341,6 +341,70 @@ def after_leap(model, w, p, mode, n, t, k):
     return found
 
 
+def side_of(model, w, p, how, k, tick):
+    """(side, order, clear, band) of the k-th guard, whose value is in w.g: the side, ±1; how it
+    leaves zero (`leaving`, `after_leap`; 1 where it is not zero); whether its value says the side;
+    the size below which it does not.
+
+    tick: how fine the clock is.
+    """
+    i, f = w.i, w.f
+    mode, t = i[MODE], f[T]
+    n, q = w.size[mode], watched(w, mode, k)
+    slot = q + 2
+    value, was, directed = w.g[k], w.side[slot], q < 0 or w.directed[q] == 1
+    jumped = w.leap[slot] == 1 and (w.came[slot] > 0 or how == ENTERED) and how != ARRIVE
+    if how == START and shaken(model, w, p, mode, n, t, w.y, k) > 0.0:
+        know_flow(model, w, p)
+        swing = 0.0
+        for half in range(1, 3):
+            look(model, w, p, mode, n, t, 0.5 * half * f[H], 2, w.g_look)
+            swing = max(swing, abs(w.g_look[k] - value) / f[H])
+        w.leap[slot] = leaps(model, w, p, mode, n, t, k, swing, f[H])
+        jumped = w.leap[slot] == 1
+    own = 0.0
+    if not jumped:
+        own = doubt(model, w, p, mode, n, t, w.y, k, value)
+    if not jumped and abs(value) <= 4.0 * own and w.grains[slot] < 4 and i[SLIDING] == 0:
+        know_flow(model, w, p)
+        own += CLEAR * grain(model, w, p, mode, n, t, w.y, k)
+    band = own + 2.0 * w.slack[slot]
+    clear = abs(value) > band
+    if jumped:
+        clear = how != START and at_leap(model, w, p, mode, n, t, k, slot) == 0
+    elif clear and i[LOCATE] == 1:
+        # On the surface within the rounding of the clock: its crossing belongs to this instant
+        # (a bound of its slope first: that costs little)
+        steep = w.swing[slot]
+        if how == ENTERED or how == START or steep == 0.0:
+            steep = steepest(model, w, p, n, slot)
+        reach = tick * steep
+        if abs(value) <= reach:
+            reach = tick * abs(slope_ahead(model, w, p, mode, n, t, k))
+        if how == START and tick > 0.0:  # where its slope is zero, too
+            know_flow(model, w, p)
+            look(model, w, p, mode, n, t, tick, 2, w.g_look)
+            reach = max(reach, abs(w.g_look[k] - value))
+        if abs(value) <= reach:
+            clear = False
+            w.slack[slot] = abs(value)
+            band += 2.0 * abs(value)
+    now = 1 if value > 0.0 else -1
+    order = 1
+    if not clear:
+        if jumped:
+            order = after_leap(model, w, p, mode, n, t, k)
+        else:
+            order = leaving(model, w, p, mode, n, t, k, value, band)
+        now = 1 if order > 0 else -1
+        if order == 0 and (how == ARRIVE or how == JUMPED_TO):
+            if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
+                now, clear = was, True  # a guard that jumps itself: no reset has put it back
+            elif not directed:
+                now = was  # to rest on a surface is not to cross it
+    return now, order, clear, band
+
+
 def sides(model, w, p, how, fired):
     """The side of every guard here, and which of them wait for their transitions to act. PAUSE, or
     why the run ends.
@@ -379,55 +443,7 @@ def sides(model, w, p, how, fired):
             continue
         directed = q < 0 or w.directed[q] == 1
         urgent = YES if q < 0 else w.urgent[q]
-        jumped = w.leap[slot] == 1 and (w.came[slot] > 0 or how == ENTERED) and how != ARRIVE
-        if how == START and shaken(model, w, p, mode, n, t, w.y, k) > 0.0:
-            know_flow(model, w, p)
-            swing = 0.0
-            for half in range(1, 3):
-                look(model, w, p, mode, n, t, 0.5 * half * f[H], 2, w.g_look)
-                swing = max(swing, abs(w.g_look[k] - value) / f[H])
-            w.leap[slot] = leaps(model, w, p, mode, n, t, k, swing, f[H])
-            jumped = w.leap[slot] == 1
-        own = 0.0
-        if not jumped:
-            own = doubt(model, w, p, mode, n, t, w.y, k, value)
-        if not jumped and abs(value) <= 4.0 * own and w.grains[slot] < 4 and i[SLIDING] == 0:
-            know_flow(model, w, p)
-            own += CLEAR * grain(model, w, p, mode, n, t, w.y, k)
-        band = own + 2.0 * w.slack[slot]
-        clear = abs(value) > band
-        if jumped:
-            clear = how != START and at_leap(model, w, p, mode, n, t, k, slot) == 0
-        elif clear and i[LOCATE] == 1:
-            # On the surface within the rounding of the clock: its crossing belongs to this instant
-            # (a bound of its slope first: that costs little)
-            steep = w.swing[slot]
-            if how == ENTERED or how == START or steep == 0.0:
-                steep = steepest(model, w, p, n, slot)
-            reach = tick * steep
-            if abs(value) <= reach:
-                reach = tick * abs(slope_ahead(model, w, p, mode, n, t, k))
-            if how == START and tick > 0.0:  # where its slope is zero, too
-                know_flow(model, w, p)
-                look(model, w, p, mode, n, t, tick, 2, w.g_look)
-                reach = max(reach, abs(w.g_look[k] - value))
-            if abs(value) <= reach:
-                clear = False
-                w.slack[slot] = abs(value)
-                band += 2.0 * abs(value)
-        now = 1 if value > 0.0 else -1
-        order = 1
-        if not clear:
-            if jumped:
-                order = after_leap(model, w, p, mode, n, t, k)
-            else:
-                order = leaving(model, w, p, mode, n, t, k, value, band)
-            now = 1 if order > 0 else -1
-            if order == 0 and (how == ARRIVE or how == JUMPED_TO):
-                if w.came[slot] > 0 and abs(value) > own + tick * w.swing[slot]:
-                    now, clear = was, True  # a guard that jumps itself: no reset has put it back
-                elif not directed:
-                    now = was  # to rest on a surface is not to cross it
+        now, order, clear, band = side_of(model, w, p, how, k, tick)
         w.flat[slot] = 0 if clear else 1
         if clear:
             w.slack[slot] = 0.0
