@@ -380,8 +380,10 @@ def pile_up(model, w, p, q, touching):
         keep_piece(w, t, more, mode, n)
         f[T] = t + more
         if w.leap[q + 2] < 1:  # a straight line leaves a surface that is accelerated
+            k = guard_place(w, mode, q)
             for _ in range(16):  # also where the guard has no slope
-                back_to_surface(model, w, p, mode, guard_place(w, mode, q), n, t + more, w.y)
+                if back_to_surface(model, w, p, mode, k, n, t + more, w.y) == 0:
+                    break
         for slot in range(i[TRANSITIONS] + 2):
             w.came[slot], w.slack[slot], w.wait[slot] = 0, 0.0, 0
         f[BEFORE], f[UNTIL], f[BLUR] = t, f[T], more

@@ -15,7 +15,7 @@ says where the rest begins. One that leaves zero only later is not looked at bef
 from math import isfinite
 
 from .layout import *
-from .sides import CLEAR, TICKS, doubt, shaken
+from .sides import TICKS, doubt, shaken
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
@@ -322,12 +322,12 @@ def find_event(model, w, p, mode, n, t, h, entry):
             if chosen < 0:
                 chosen = k
             latest = max(latest, w.root[k])
-            # What is due at the end is due now, if the guard cannot tell it from its crossing (an
-            # ample bound first: that costs nothing)
-            last, change = w.at_node[top][k], h * w.swing[slot]
-            if abs(last) <= 1e-9 * (w.scale[slot] + change) + 2.0 * CLEAR * w.grain[slot]:
+            # What is due at the end is due now, if neither the clock nor the guard can tell it
+            # from its crossing
+            if 1.0 - latest <= 16.0 * tie:
+                last = w.at_node[top][k]
                 own = doubt(model, w, p, mode, n, t + h, w.y_new, k, last)
-                if (1.0 - latest) * change <= own and abs(last) <= own:
+                if (1.0 - latest) * h * w.swing[slot] <= own and abs(last) <= own:
                     latest = 1.0
             w.came[slot] = 1
             w.side[slot] = w.turn[k]

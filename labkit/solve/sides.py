@@ -83,7 +83,11 @@ def grain(model, w, p, mode, n, t, y, k):
         value[j] = w.g_look[k]
     w.i[GUARDS] += 5
     noise = abs(value[0] - 4.0 * value[1] + 6.0 * value[2] - 4.0 * value[3] + value[4]) / 8.0
-    if isfinite(noise):
+    most = w.swing[slot] * (t - w.f[BEFORE])
+    if most == 0.0 and noise > 0.0:  # nothing has been simulated yet
+        look(model, w, p, mode, n, t, w.f[H], 2, w.g_look)
+        most = abs(w.g_look[k] - value[0])
+    if noise <= 1e-3 * most:  # else the guard bends even within this: y/(|y| + 1e-9) near zero
         w.grain[slot] = max(w.grain[slot], noise)
     return w.grain[slot]
 
@@ -313,7 +317,7 @@ def at_leap(model, w, p, mode, n, t, k, slot):
         w.y_shake[i] = line[5 + i]
     watch(model, w, mode, n, t, w.y_shake, p, w.g_look)
     w.i[GUARDS] += 1
-    if w.came[slot] == 2 and w.g_look[k] == w.g[k]:
+    if w.came[slot] == 2 and w.g_look[k] == w.g[k] and kept_state(w, n) == 1:
         return 1
     flow(model, before, t, w.y_shake, p, w.ahead[1])
     w.i[FLOWS] += 1
@@ -471,7 +475,7 @@ def sides(model, w, p, how, fired):
                     i[WHO] = max(q, 0)
                     return BAD_START
                 over = order == 1 and urgent == REFUSE  # a body at rest there is not over it
-                over = over and acted_before(model, w, p, mode, n, t, k, q) == 1
+                over = over and acted_before(model, w, p, mode, n, t, k, q, band) == 1
                 w.wait[slot] = 0 if urgent == NO or over else 1
             elif not directed and not clear and returns(model, w, p, q, mode, n, t) == 1:
                 # where both flows push towards the surface, the run begins on it
@@ -503,25 +507,27 @@ def left_before(w, q):
     return before >= 0 and w.source[q][before] == 1
 
 
-def acted_before(model, w, p, mode, n, t, k, q):
+def acted_before(model, w, p, mode, n, t, k, q, band):
     """Is a guard that is beyond at the start one that has acted in the run which ended there (1)?
 
-    Its transition leads back into the mode and leaves it beyond: nothing has crossed anew. As with
-    schedules a run from t = 0 has none before it.
+    Its transition leads back into the mode and leaves the guard at zero (within `band`), going
+    beyond: nothing has crossed anew. As with schedules a run from t = 0 has none before it.
     """
     if t == 0.0 or w.target[q] != mode or w.delay[w.i[LANE]][q] > 0.0:
         return 0
     after = w.y_look
     reset(model, q, mode, t, w.y, p, after)
+    watch(model, w, mode, n, t, after, p, w.g_look)
+    zero = abs(w.g_look[k]) <= band
     rates(model, w, mode, n, t, after, p, w.ahead[1])
     for i in range(n):
         after[i] += w.f[GONE_T] * w.ahead[1][i]
     watch(model, w, mode, n, t + w.f[GONE_T], after, p, w.g_look)
     w.i[FLOWS] += 1
-    w.i[GUARDS] += 1
+    w.i[GUARDS] += 2
     for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
         after[i] = w.y[i]
-    return 1 if w.g_look[k] > 0.0 else 0
+    return 1 if zero and w.g_look[k] > 0.0 else 0
 
 
 def returns(model, w, p, q, mode, n, t):

@@ -206,7 +206,7 @@ def same_surface(model, w, p, n, t, a, k_a, b, k_b):
 
 
 def back_to_surface(model, w, p, mode, k, n, t, y):
-    """One Newton step along the gradient of a mode's k-th guard.
+    """One Newton step along the gradient of a mode's k-th guard, if it comes nearer (1; else 0).
 
     Rounding and the step's error would let the state drift off.
     """
@@ -214,7 +214,17 @@ def back_to_surface(model, w, p, mode, k, n, t, y):
     guards(model, mode, t, y, p, w.g_probe)
     w.i[GUARDS] += 1
     off = w.g_probe[k]
-    if square > 0.0:
-        for i in range(n):
-            size = max(w.most[i], abs(y[i]))
-            y[i] -= off * w.rate_a[i] / square * (size if size > 0.0 else 1.0)
+    if not square > 0.0:
+        return 0
+    for i in range(w.i[WIDTH] + w.i[HELD]):
+        w.y_shake[i] = y[i]
+    for i in range(n):
+        size = max(w.most[i], abs(y[i]))
+        w.y_shake[i] -= off * w.rate_a[i] / square * (size if size > 0.0 else 1.0)
+    guards(model, mode, t, w.y_shake, p, w.g_probe)
+    w.i[GUARDS] += 1
+    if not abs(w.g_probe[k]) < abs(off):
+        return 0
+    for i in range(n):
+        y[i] = w.y_shake[i]
+    return 1

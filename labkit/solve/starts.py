@@ -76,8 +76,11 @@ def _off(tr: Transition, options: Options, here: Mapping[str, float], p: tuple) 
         value, scale = float(tr.guard(t0, s, p)), 0.0
         for name, x in zip(kind._fields, s, strict=True):
             size = max(abs(x), abs(system.start.get(name, 0.0)) or 1.0)
-            moved = float(tr.guard(t0, s._replace(**{name: x + 1e-6 * size}), p))
-            scale += abs(moved - value) / 1e-6
+            near = [x - 1e-6 * size, x + 1e-6 * size]
+            moved = [float(tr.guard(t0, s._replace(**{name: one}), p)) for one in near]
+            if min(*moved, value) <= 0.0 <= max(*moved, value):  # also of one that jumps there
+                return 0.0
+            scale += max(abs(one - value) for one in moved) / 1e-6
     except (ArithmeticError, ValueError, KeyError, TypeError):  # not to be told, or said elsewhere
         return 0.0
     return value if abs(value) > tr.tolerance + options.rtol**0.5 * scale else 0.0
