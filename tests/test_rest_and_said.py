@@ -2,6 +2,7 @@
 says of the things that it cannot do.
 """
 
+import itertools
 import math
 import random
 from fractions import Fraction
@@ -521,3 +522,141 @@ def test_a_run_begins_on_a_surface_that_both_flows_push_to(directions, scale):
             assert run.final["y"] == pytest.approx(1.0, abs=1e-7)  # a third of A
         run = simulate(system, t0 + 3.0, t0=t0, mode="B", b=1.0, backend="plain")
         assert run.final["x"] == pytest.approx(6.0) and not len(run.events)
+
+
+# ---------------------------------------------------------------- guards that are steep, or signs
+
+STEEP = {
+    "bounded": lambda t, s, p: s.y / (abs(s.y) + p.w),
+    "tanh": lambda t, s, p: math.tanh(s.y / p.w),
+    "sign": lambda t, s, p: 1.0 if s.y > 0 else -1.0,
+}
+
+
+def bouncing(guard) -> System:
+    return System(
+        "ball over a steep guard",
+        {"y": "m", "v": "m/s"},
+        {"w": 1e-9, "e": 0.5},
+        [Mode("flight", lambda t, s, p: (s.v, -9.81)), Mode("rest", lambda t, s, p: (0.0, 0.0))],
+        [
+            Transition(
+                "flight",
+                "flight",
+                guard=guard,
+                direction=-1,
+                reset=lambda t, s, p: (s.y, -p.e * s.v),
+                zeno="rest",
+            )
+        ],
+        start={"y": 1.0, "v": 0.0},
+    )
+
+
+@pytest.mark.parametrize("kind", STEEP)
+def test_a_steep_guard_holds_the_ball_and_its_end_fits_the_rest(kind):
+    system = bouncing(STEEP[kind])
+    for k, (w, h, method) in enumerate(
+        itertools.product((1e-7, 1e-9, 1e-11, 1e-13), (0.3, 1.0, 2.7), ("RK45", "DOP853"))
+    ):
+        backend = BOTH[k == 7]  # one of them compiled
+        run = simulate(system, 5.0, start={"y": h}, w=w, method=method, backend=backend)
+        assert run.mode[-1] == "rest" and abs(run.final["y"]) < 1e-7, (w, h, method)
+        assert run.events[0].t == pytest.approx(math.sqrt(2 * h / 9.81), abs=1e-7)
+        again = simulate(system, 6.0, t0=5.0, start=run.final, mode="rest", w=w, backend="plain")
+        assert again.ended == Ended.FINISHED and not len(again.events)
+
+
+def test_a_sign_that_a_reset_leaves_as_it_was_is_no_contact():
+    """Beyond stays beyond, but the state has moved on: it goes on from there."""
+    for speed, last in ((1.0, 6.0), (-1.0, -1.0)):
+        system = System(
+            "sign",
+            {"x": "", "v": ""},
+            {},
+            [Mode("m", lambda t, s, p: (s.v, 0.0))],
+            [
+                Transition(
+                    "m",
+                    "m",
+                    guard=lambda t, s, p: 1.0 if s.x >= 1 else -1.0,
+                    direction=1,
+                    reset=lambda t, s, p, speed=speed: (s.x + 3.0, speed * s.v),
+                )
+            ],
+            start={"x": 0.0, "v": 1.0},
+        )
+        run = simulate(system, 3.0 if speed > 0 else 6.0, backend="plain")
+        assert [round(event.t, 9) for event in run.events] == [1.0]
+        assert run.ended == Ended.FINISHED and run.final["x"] == pytest.approx(last)
+
+
+def test_a_coarse_guard_carries_no_other_to_the_end_of_a_step():
+    """A clock of 1.7e9 s is known to 1e-5 s; a bounce 8e-6 s before the end is not there yet."""
+    system = System(
+        "ball beside a large clock",
+        {"tau": "s", "y": "m", "v": "m/s"},
+        {"e": 0.9},
+        [Mode("m", lambda t, s, p: (1.0, s.v, -9.81))],
+        [
+            Transition("m", "m", guard=lambda t, s, p: s.tau - (1.7e9 + 5 - 1.6e-5), direction=1),
+            Transition(
+                "m",
+                "m",
+                guard=lambda t, s, p: s.y,
+                direction=-1,
+                reset={"v": lambda t, s, p: -p.e * s.v},
+                label="bounce",
+            ),
+        ],
+        start={"tau": 1.7e9, "y": 0.5 * 9.81 * (5 - 8e-6) ** 2, "v": 0.0},
+    )
+    for e in (0.001, 0.9):
+        for how in ({}, {"method": "RK4", "step": 5.0}):
+            run = simulate(system, 5.0, e=e, backend="plain", **how)
+            assert run.events["bounce"].t == pytest.approx([5 - 8e-6], abs=1e-9)
+            assert run.final["y"] == pytest.approx(e * 9.81 * 5 * 8e-6, rel=1e-3)
+
+
+def test_an_event_at_a_start_that_its_reset_cannot_have_left_is_not_skipped():
+    def counted(x):
+        return System(
+            "counter",
+            {"x": "", "n": ""},
+            {},
+            [Mode("m", lambda t, s, p: (1.0, 0.0))],
+            [
+                Transition(
+                    "m",
+                    "m",
+                    guard=lambda t, s, p: s.x - 1.0,
+                    direction=1,
+                    reset=lambda t, s, p: (s.x + x, s.n + 1.0),
+                )
+            ],
+            start={"x": 1.0, "n": 0.0},
+        )
+
+    for t0 in (0.0, 5.0):
+        run = simulate(counted(2.0), t0 + 1.2, t0=t0, backend="plain")
+        assert run.final == pytest.approx({"x": 4.2, "n": 1.0})
+    # one that counts only is counted by the run before, if there is one
+    assert simulate(counted(0.0), 6.2, t0=5.0, backend="plain").final["n"] == 0.0
+
+
+def test_a_start_on_a_sign_that_both_flows_push_to_is_said():
+    for direction in (0, 1):
+        system = System(
+            "relay by signs",
+            {"y": ""},
+            {},
+            [Mode("above", lambda t, s, p: (-1.0,)), Mode("below", lambda t, s, p: (1.0,))],
+            [
+                Transition("above", "below", guard=STEEP["sign"], direction=-direction),
+                Transition("below", "above", guard=STEEP["sign"], direction=direction),
+            ],
+            start={"y": 0.0},
+        )
+        for mode in ("above", "below"):
+            run = simulate(system, 1.0, mode=mode, backend="plain")
+            assert run.ended == Ended.LOOP and "jumps there" in run.stopped

@@ -470,6 +470,13 @@ def sides(model, w, p, how, fired):
                     if before >= 0:
                         w.wait[slot] = opposed(model, w, p, mode, before, n, t, k, band, now)
         elif how == START:
+            # where both flows push towards the surface, the run begins on it; a jump has no slope
+            both = not clear and (not directed or now > 0 and w.leap[slot] == 1)
+            both = both and returns(model, w, p, q, mode, n, t) == 1
+            both = both and opposed(model, w, p, mode, w.target[q], n, t, k, band, now) == 1
+            if both and w.leap[slot] == 1:
+                i[WHO] = q
+                return LOOP
             if directed and now > 0:
                 if clear and urgent == REFUSE:
                     i[WHO] = max(q, 0)
@@ -477,9 +484,8 @@ def sides(model, w, p, how, fired):
                 over = order == 1 and urgent == REFUSE  # a body at rest there is not over it
                 over = over and acted_before(model, w, p, mode, n, t, k, q, band) == 1
                 w.wait[slot] = 0 if urgent == NO or over else 1
-            elif not directed and not clear and returns(model, w, p, q, mode, n, t) == 1:
-                # where both flows push towards the surface, the run begins on it
-                w.wait[slot] = opposed(model, w, p, mode, w.target[q], n, t, k, band, now)
+            elif both:
+                w.wait[slot] = 1
         elif q == fired and how == JUMPED_TO:
             w.wait[slot] = 1 if again else 0
             if not clear and now == was and order != 0 and not again:
