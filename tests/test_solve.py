@@ -1231,7 +1231,7 @@ def test_what_cannot_be_compiled_runs_in_plain_python():
         "table",
         {"x": "", "v": ""},
         {},
-        [Mode("m", lambda t, s, p: (s.v, -table["k"] * s.x))],
+        [Mode("m", lambda t, s, p: (s.v, -sum(table.values()) * s.x))],
         start={"x": 1.0, "v": 0.0},
     )
     with pytest.warns(UserWarning, match="plain Python"):
