@@ -320,6 +320,24 @@ def test_a_helper_is_walked_again_when_what_it_reads_may_have_changed():
     assert sp.expand(equations(system_of(flow)).flows["only"]["v"]) == 2121 * x
 
 
+def test_formulas_are_those_of_the_call():
+    """Not those of the first look: a notebook's K may be another by then."""
+    scope = {}
+    exec("K = 2\ndef flow(t, s, p):\n    return K * s.x", scope)
+    system = system_of(scope["flow"])
+    made = equations(system)
+    scope["K"] = 3
+    assert made.flows["only"]["v"] == 2 * made.states["x"]
+    assert "2 \\, x" in made._repr_markdown_()
+
+
+def test_helpers_stand_in_one_order_whatever_is_looked_at_first():
+    guard = Transition("only", None, lambda t, s, p: clipped(s.v, -1), direction=1)
+    system = system_of(lambda t, s, p: sgn(s.x), transitions=[guard])
+    first = equations(system)
+    assert first.guards and first._repr_markdown_() == equations(system)._repr_markdown_()
+
+
 def test_words_of_transitions():
     def up(t, s, p):
         return s.x - p.k
