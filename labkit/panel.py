@@ -593,8 +593,8 @@ def explore(
     draw: Callable[[Any], Any] | None = None,
     *,
     sliders: Mapping[str, object] | Iterable[str] | None = None,
-    start: bool | Mapping[str, float] = True,
-    method: bool | str = True,
+    start: bool | Mapping[str, float] | None = True,
+    method: bool | str | None = True,
     verdict: Callable[[Run], str] | None = None,
     title: str | None = None,
     choices: Mapping[str, Mapping[str, Mapping[str, object]]] | None = None,
@@ -611,9 +611,10 @@ def explore(
     sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states,
               "t_end", "rtol", "step"; or a list: only these get a slider, in this order. A range
               left out comes from the Parameter or the default run
-    start     True: sliders for the initial state; False: none; {"x": 2.0}: that begin there
-    method    True: method, tolerance or step, and end time can be chosen; False: not; "RK4":
-              chosen, beginning with this one
+    start     True: sliders for the initial state; False, None, {}: none; {"x": 2.0}: that begin
+              there
+    method    True: method, tolerance or step, and end time can be chosen; False, None: not;
+              "RK4": chosen, beginning with this one
     verdict   verdict(run) -> a sentence under the picture; left out: how it ended, events, work
     choices   label -> option -> arguments of simulate, also "system": a select between variants,
               the first is the default,
@@ -633,7 +634,8 @@ def explore(
     several = isinstance(system, Mapping)
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
-    given = {} if isinstance(start, bool) else named(start, "start", "{name: value}, True or False")
+    form = "{name: value}, True or False"
+    given = {} if start is True or not start else named(start, "start", form)
     given = {name: number(value, f"start of {name!r}") for name, value in given.items()}
     _known("start", given, whole.units, whole)
     begins = {label: one.start | _among(given, one.units) for label, one in models.items()}
@@ -645,7 +647,7 @@ def explore(
     wide = horizon - number(options.get("t0", 0.0), "t0")
     settings = {
         "t_end": horizon,
-        "method": METHOD if isinstance(method, bool) else method,
+        "method": METHOD if method is None or isinstance(method, bool) else method,
         "rtol": options.pop("rtol", RTOL),
         "step": options.pop("step", rounded(wide / 1000, 1)),
     }
@@ -716,7 +718,7 @@ def explore(
         for control in controls_of(
             one,
             ps[label],
-            begins[label] if start is not False and "start" not in taken else {},
+            begins[label] if start and "start" not in taken else {},
             settings if method else {},
             wanted,
             ranges,

@@ -151,7 +151,9 @@ def test_which_sliders_and_ranges():
     assert list(keys(sliders=names, method=False)) == order
     assert list(keys(sliders=iter(names), method=False)) == order
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
-    assert "start.x" in keys(start={})
+    for none in (None, {}):
+        assert list(keys(start=none, method=False)) == ["p.omega0", "p.delta"]
+    assert keys(method=None) == keys(method=False)
     assert keys(sliders={"delta": (0.5, 0.5)})["p.delta"] == (0.15, 0.5)  # up to the value
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
     assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}
