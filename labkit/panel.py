@@ -58,7 +58,7 @@ WIDEST = 1.9  # width over height of the place for a picture in a classroom, of 
 
 
 class Panel(anywidget.AnyWidget):
-    """Panel(title, controls, compute, views, verdict, run, presets): the widget behind `explore`.
+    """Panel(title, controls, compute, views, verdict, run, …): the widget behind `explore`.
 
     compute(values by control key) -> Run. Of a view it needs `figure`, `artists`, `relimited` and
     `update` (draw/view.py says what they are).
@@ -79,9 +79,11 @@ class Panel(anywidget.AnyWidget):
         verdict: Callable[[Run], str],
         run: Run,
         presets: Mapping[str, dict] | None = None,
+        taken: Collection[str] = (),
     ):
         self.title, self.controls, self.compute, self.verdict = title, controls, compute, verdict
         self.run, self.presets, self.first_run = run, dict(presets or {}), run
+        self.taken = {*taken}  # what a choice sets
         self.defaults = {one.key: Own(one.value) if one.apart else one.value for one in controls}
         self.values, self.figure = dict(self.defaults), views[0].figure
         self.size, self.png = self.figure.css_size, self.figure.png()
@@ -249,10 +251,11 @@ class Panel(anywidget.AnyWidget):
             if value != system.start.get(name) or self._shared(f"start.{name}")
         ]
         said += ["start={" + ", ".join(first) + "}"] * bool(first)
-        said += [f'method="{how["method"]}"'] * (how["method"] != METHOD)
+        if how["method"] != METHOD and "method" not in self.taken:
+            said.append(f'method="{how["method"]}"')
         if how["method"] in FIXED_STEP:
-            said.append(f"step={_written(how['step'])}")
-        elif how["rtol"] != RTOL:
+            said += [f"step={_written(how['step'])}"] * (not {"method", "step"} & self.taken)
+        elif how["rtol"] != RTOL and "rtol" not in self.taken:
             said.append(f"rtol={_written(how['rtol'])}")
         name = _name_of(system, "system")
         if isinstance(run, Several):
@@ -756,6 +759,7 @@ def explore(
         verdict or (_verdicts if several else _verdict),
         run,
         _presets(presets or {}, whole, controls),
+        taken,
     )
     if os.environ.get("LABKIT_CHECK") == "1":
         panel.check()

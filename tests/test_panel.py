@@ -1023,6 +1023,14 @@ def test_the_line_of_code_says_what_no_slider_sets():
     assert panel.run.t[-1] < 40 and panel.code() == "explore(system, 40.0, rtol=1e-05)"
 
 
+def test_the_line_of_code_leaves_to_a_choice_what_it_has_set():
+    ways = {"a": {"method": "RK45", "rtol": 1e-4}, "b": {"method": "RK4", "step": 0.1}}
+    panel = explore(oscillator(), 2.0, curves, choices={"m": ways})
+    assert panel.code() == "explore(system, 2.0)"
+    Browser(panel).picture(**{"choice.m": "b"})
+    assert panel.run.work.method == "RK4" and panel.code() == "explore(system, 2.0)  # m: b"
+
+
 @pytest.mark.parametrize("step", [0, -0.1])
 def test_a_step_that_leads_nowhere_is_refused(step):
     with pytest.raises(
