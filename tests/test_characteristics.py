@@ -598,3 +598,9 @@ def test_a_formula_that_has_no_value_says_so_in_an_output():
     )
     with pytest.raises(ZeroDivisionError):
         simulate(model, 1.0)["F"]
+
+
+def test_a_parameter_may_be_an_array_as_x_may():
+    relay = characteristic("relay")
+    for _ in range(2):  # the second time two arrays would be compared
+        assert relay([-1.0, 1.0], {"K": np.array([1.0, 2.0])}) == pytest.approx([-1.0, 2.0])
