@@ -414,11 +414,14 @@ class System:
             )
         taken = {"the time": {"t"}, "a column": COLUMNS, "an option of simulate": OPTIONS}
         taken |= {"a state": self.units, "a parameter": self.parameters}
+        more = {"the time": ", the first argument of every function", "a column": " of every run"}
+        apart = "; a formula could not tell them apart"
         for owner, names in taken.items():
             if owner not in free and name in names:
-                owner = owner.replace("a column", "a column of every run")
+                hint = apart * (owner in ("a state", "a parameter"))
                 raise ModelError(
-                    f"{what} {name!r} has the name of {owner}: give it another, {name}_ for example"
+                    f"{what} {name!r} has the name of {owner}{more.get(owner, '')}: give it "
+                    f"another, {name}_ for example{hint}"
                 )
 
     def _add_states(self, states: Mapping, owner: str) -> tuple[str, ...]:
@@ -672,7 +675,8 @@ class System:
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
             start = named(start, "start")
-            check_names(start, self.units, "start names the unknown state(s) {}")
+            has = f"(mode {mode!r} has {listed(names)})"
+            check_names(start, self.units, f"start names the unknown state(s) {{}} {has}")
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
         if missing := [key for key in names if key not in start]:

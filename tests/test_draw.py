@@ -1924,3 +1924,8 @@ def test_ticks_once_in_two_threads():
         for axis in (axes.xaxis, axes.yaxis):
             del axis._update_ticks, axis._get_ticklabel_bboxes
     assert not {"_update_ticks", "_get_ticklabel_bboxes"} & vars(axes.xaxis).keys()
+
+
+def test_a_plane_of_one_state_twice_is_refused():
+    with pytest.raises(ModelError, match="two states, and both are 'x'; 'linear' has 'x', 'v'"):
+        phase_portrait(linear(((0, 1), (-1, 0))), "x", "x")

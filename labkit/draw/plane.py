@@ -50,8 +50,10 @@ class Plane:
         self.x = x or system.states[0]
         self.y = y or next((name for name in system.states if name != self.x), "")
         if self.y in ("", self.x):
+            both = f", and both are {self.x!r}" if self.y else ""
             raise ModelError(
-                f"a phase portrait needs two states; {system.name!r} has {listed(system.units)}"
+                f"a phase portrait needs two states{both}; {system.name!r} has "
+                f"{listed(system.units)}"
             )
         for name in (self.x, self.y, *(at or {})):
             if name not in system.units:
