@@ -74,7 +74,9 @@ def _guests(error: BaseException) -> list[types.FrameType]:
     """Calls in its traceback of code that is neither labkit's nor of a library: functions given."""
     # the first two are `checked` and the function itself
     calls = [frame for frame, _ in traceback.walk_tb(error.__traceback__)][2:]
-    return [each for each in calls if each.f_globals["__name__"].split(".")[0] not in _LIBRARIES]
+    names = [str(each.f_globals.get("__name__", "")) for each in calls]  # of eval: none
+    own = [name.partition(".")[0] not in _LIBRARIES for name in names]
+    return [each for each, guest in zip(calls, own, strict=True) if guest]
 
 
 _LIBRARIES = {

@@ -150,7 +150,7 @@ def _ranged(control: Control, given: Any) -> None:
         low, high, *step = limits
     log = control.kind == "log"
     control.low, control.high = min(low, control.value), max(high, control.value)
-    if low >= high or (log and control.low <= 0):
+    if control.low >= control.high or (log and control.low <= 0):
         raise ModelError(
             f"the slider of {name!r} cannot run from {low:g} to {high:g}: "
             f"give sliders={{{name!r}: (low, high)}}"

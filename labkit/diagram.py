@@ -28,7 +28,7 @@ from matplotlib.transforms import Bbox
 from .arguments import asked
 from .draw.figure import INK, VEIL, Figure, figure, mode_colors, style, tint, when_resized
 from .draw.view import View
-from .equations import Equations, equations
+from .equations import Equations
 from .model import At, Every, System, Transition
 
 __all__ = ["mode_diagram"]
@@ -77,7 +77,6 @@ def mode_diagram(system: System, axes: Axes | None = None) -> Figure | View:
 
     Raises ModelError for what is no System.
     """
-
     if axes is not None:
         return _Lit(system, axes)
     with style():
@@ -114,7 +113,7 @@ def _nodes(axes: Axes, system: System) -> list[_Node]:
 def _arcs(axes: Axes, system: System) -> list[_Arc]:
     keys = {name: i for i, name in enumerate([*system.modes, None])}
     letters = LETTERS.get(len(system.modes), 12)
-    formulas = equations(system)
+    formulas = Equations(system, whole=False)
     arcs = []
     for k, tr in enumerate(system.transitions):
         lines = textwrap.fill(tr.label, letters), _condition(axes, formulas, k, tr, letters)

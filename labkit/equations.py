@@ -17,7 +17,6 @@ import textwrap
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -68,48 +67,35 @@ class Equations:
     `Untraced` in its place.
     """
 
-    def __init__(self, system: System):
+    def __init__(self, system: System, whole: bool = True):
         self.system = system
         self.t = sp.Symbol("t", real=True)
         self.states = {name: sp.Symbol(name, real=True) for name in system.units}
         self.parameters = {name: sp.Symbol(name, real=True) for name in system.parameters}
         self._tracer = Tracer([*self.states.values(), self.t])
         self._p = system.P(*map(Quantity, self.parameters.values()))
-
-    @cached_property
-    def _traced(self) -> tuple[dict[str, Any], list[_Row], dict[str, dict[str, Any]]]:
-        """Of modes, transitions and outputs, in the order in which helpers are then defined."""
-        system = self.system
-        flows = {
+        trs = system.transitions
+        if not whole:  # for a mode diagram: the guards alone are traced, and nothing else is there
+            self.guards = [self._expand(self._guard(tr, tr.sources[0])) for tr in trs]
+            return
+        # All at once, and now: helpers are defined in this order, and the functions may change
+        self._flows = {
             mode: self._trace(what.flow, mode, system.states_of(mode))
             for mode, what in system.modes.items()
         }
-        rows = [self._row(tr, group) for tr in system.transitions for group in _groups(system, tr)]
-        outputs = {
+        self._rows = [self._row(tr, group) for tr in trs for group in _groups(system, tr)]
+        self._outputs = {
             name: {mode: self._trace(f, mode) for mode in system.modes if (f := what.of(mode))}
             for name, what in system.outputs.items()
         }
-        return flows, rows, outputs
+        first = {id(row.transition): row for row in reversed(self._rows)}
+        self.flows: dict[str, Any] = self._expand(self._flows)
+        self.guards = [self._expand(first[id(tr)].guard) for tr in trs]
+        self.resets = [self._expand(first[id(tr)].reset) for tr in trs]
+        self.outputs: dict[str, dict[str, Any]] = self._expand(self._outputs)
 
-    @cached_property
-    def flows(self) -> dict[str, Any]:
-        return {mode: self._expand(shown) for mode, shown in self._traced[0].items()}
-
-    @cached_property
-    def guards(self) -> list[Any]:
-        return [  # traced by themselves: a mode diagram needs nothing else
-            None if tr.guard is None else self._expand(self._trace(tr.guard, tr.sources[0]))
-            for tr in self.system.transitions
-        ]
-
-    @cached_property
-    def resets(self) -> list[Any]:
-        first = {id(row.transition): row.reset for row in reversed(self._traced[1])}
-        return [self._expand(first[id(tr)]) for tr in self.system.transitions]
-
-    @cached_property
-    def outputs(self) -> dict[str, dict[str, Any]]:
-        return {name: self._expand(modes) for name, modes in self._traced[2].items()}
+    def _guard(self, tr: Transition, mode: str) -> Any:
+        return None if tr.guard is None else self._trace(tr.guard, mode)
 
     def _trace(self, function: Callable, mode: str, names: Sequence[str] | None = None) -> Any:
         """An expression, or {name: expression} where names are given, or Untraced."""
@@ -129,8 +115,7 @@ class Equations:
 
     def _row(self, tr: Transition, sources: tuple[str, ...]) -> _Row:
         mode = sources[0]
-        guard = None if tr.guard is None else self._trace(tr.guard, mode)
-        reset = None
+        guard, reset = self._guard(tr, mode), None
         if isinstance(tr.reset, Mapping):
             parts = self.system.reset_parts(tr, mode)
             reset = {name: self._trace(parts[name], mode) for name in tr.reset}
@@ -160,7 +145,6 @@ class Equations:
 
     def _repr_markdown_(self) -> str:
         system = self.system
-        flows, rows, outputs = self._traced
         words = {}
         for name, unit in system.units.items():
             word = f"${latex_name(name)}$", system.meanings[name], unit and f"[{unit}]"
@@ -170,24 +154,24 @@ class Equations:
         parts = [f"**{system.name}**: states {', '.join(words.values())}{held}"]
         for mode in system.modes.values():
             title = " — ".join(filter(None, [f"Mode *{mode.name}*", mode.meaning]))
-            shown = flows[mode.name]
+            shown = self._flows[mode.name]
             if isinstance(shown, Untraced):
                 parts.append(_code(title, shown))
             else:
                 lines = (f"{_dot(name)} &= {self.latex(e)}" for name, e in shown.items())
                 parts += [title, _aligned(lines)]
-        parts += self._output_parts(outputs)
+        parts += self._output_parts()
         if helpers := self._tracer.definitions.values():
             heads = (_called(each.name, map(self.latex, each.args)) for each in helpers)
             lines = zip(heads, (self.latex(each.e) for each in helpers), strict=True)
             parts += ["where", _aligned(map(" &= ".join, lines))]
-        if rows:
-            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in rows)]
+        if self._rows:
+            parts += ["Transitions", "\n".join(f"- {self._words(row)}" for row in self._rows)]
         return "\n\n".join([*parts, self._start()])
 
-    def _output_parts(self, outputs: Mapping[str, dict[str, Any]]) -> list[str]:
+    def _output_parts(self) -> list[str]:
         lines, parts = [], []
-        for name, modes in outputs.items():
+        for name, modes in self._outputs.items():
             if bad := next((e for e in modes.values() if isinstance(e, Untraced)), None):
                 parts.append(_code(f"Output ${latex_name(name)}$", bad))
                 continue

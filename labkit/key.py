@@ -140,7 +140,9 @@ def _makes(cell: Any) -> list[str]:
         return []
     assigned = (node for node in ast.parse(cell["source"]).body if isinstance(node, ast.Assign))
     targets = (name for node in assigned for each in node.targets for name in ast.walk(each))
-    return [name.id for name in targets if isinstance(name, ast.Name) and name.id in MODELS]
+    names = (name for name in targets if isinstance(name, ast.Name) and name.id in MODELS)
+    # system.note = 3 and d[system] = 1 read the name
+    return [name.id for name in names if isinstance(name.ctx, ast.Store)]
 
 
 def _put(name: str, chosen: Mapping[str, Mapping[str, float]]) -> str:

@@ -213,7 +213,8 @@ class Transition:
     priority   at one instant the highest goes first; equal ones in the order of the list
     urgent     True: fires whenever its guard is beyond zero, again and again. False: only by a
                crossing along the flow. Left out: see below
-    zeno       mode that takes over when infinitely many of these events pile up (a ball at rest)
+    zeno       mode that takes over when infinitely many of these events pile up (a ball at rest);
+               its states are those of the target, or the first ones of them, and keep their values
     tolerance  the guard must pass zero by this much (in its unit): a touch is not a crossing
 
     What an event means:
@@ -413,11 +414,14 @@ class System:
             )
         taken = {"the time": {"t"}, "a column": COLUMNS, "an option of simulate": OPTIONS}
         taken |= {"a state": self.units, "a parameter": self.parameters}
+        more = {"the time": ", the first argument of every function", "a column": " of every run"}
+        apart = "; a formula could not tell them apart"
         for owner, names in taken.items():
             if owner not in free and name in names:
-                owner = owner.replace("a column", "a column of every run")
+                hint = apart * (owner in ("a state", "a parameter"))
                 raise ModelError(
-                    f"{what} {name!r} has the name of {owner}: give it another, {name}_ for example"
+                    f"{what} {name!r} has the name of {owner}{more.get(owner, '')}: give it "
+                    f"another, {name}_ for example{hint}"
                 )
 
     def _add_states(self, states: Mapping, owner: str) -> tuple[str, ...]:
@@ -537,12 +541,18 @@ class System:
         what = f"the reset of transition {tr.name!r}"
         kept = () if tr.target is None else tr.sources if tr.reset is None else (tr.target,)
         for one, other in product(kept, (tr.target, tr.zeno or tr.target)):
-            if self.states_of(one) != self.states_of(other):
-                lacks = "needs a reset" if tr.reset is None else "cannot pile up"
+            have, get = self.states_of(one), self.states_of(other)
+            # those of a zeno mode are taken from the front of the target's
+            if have != get and (tr.reset is None or have[: len(get)] != get):
+                lacks, rule = "needs a reset", ""
+                if tr.reset is not None:
+                    lacks, rule = (
+                        "cannot pile up",
+                        ": its zeno mode keeps the first of them, or all",
+                    )
                 raise ModelError(
                     f"transition {tr.name!r} {lacks}: mode {one!r} has the states "
-                    f"{listed(self.states_of(one))}, mode {other!r} has "
-                    f"{listed(self.states_of(other))}"
+                    f"{listed(have)}, mode {other!r} has {listed(get)}{rule}"
                 )
         if tr.reset is None:
             return None
@@ -665,7 +675,8 @@ class System:
         names = self.states_of(mode)
         if not self.units.keys() >= start.keys():
             start = named(start, "start")
-            check_names(start, self.units, "start names the unknown state(s) {}")
+            has = f"(mode {mode!r} has {listed(names)})"
+            check_names(start, self.units, f"start names the unknown state(s) {{}} {has}")
         if self.held:
             start = {key: each.start for key, each in self.held.items()} | dict(start)
         if missing := [key for key in names if key not in start]:

@@ -58,7 +58,7 @@ WIDEST = 1.9  # width over height of the place for a picture in a classroom, of 
 
 
 class Panel(anywidget.AnyWidget):
-    """Panel(title, controls, compute, views, verdict, run, presets): the widget behind `explore`.
+    """Panel(title, controls, compute, views, verdict, run, …): the widget behind `explore`.
 
     compute(values by control key) -> Run. Of a view it needs `figure`, `artists`, `relimited` and
     `update` (draw/view.py says what they are).
@@ -79,9 +79,11 @@ class Panel(anywidget.AnyWidget):
         verdict: Callable[[Run], str],
         run: Run,
         presets: Mapping[str, dict] | None = None,
+        taken: Collection[str] = (),
     ):
         self.title, self.controls, self.compute, self.verdict = title, controls, compute, verdict
         self.run, self.presets, self.first_run = run, dict(presets or {}), run
+        self.taken = {*taken}  # what a choice sets
         self.defaults = {one.key: Own(one.value) if one.apart else one.value for one in controls}
         self.values, self.figure = dict(self.defaults), views[0].figure
         self.size, self.png = self.figure.css_size, self.figure.png()
@@ -249,10 +251,11 @@ class Panel(anywidget.AnyWidget):
             if value != system.start.get(name) or self._shared(f"start.{name}")
         ]
         said += ["start={" + ", ".join(first) + "}"] * bool(first)
-        said += [f'method="{how["method"]}"'] * (how["method"] != METHOD)
+        if how["method"] != METHOD and "method" not in self.taken:
+            said.append(f'method="{how["method"]}"')
         if how["method"] in FIXED_STEP:
-            said.append(f"step={_written(how['step'])}")
-        elif how["rtol"] != RTOL:
+            said += [f"step={_written(how['step'])}"] * (not {"method", "step"} & self.taken)
+        elif how["rtol"] != RTOL and "rtol" not in self.taken:
             said.append(f"rtol={_written(how['rtol'])}")
         name = _name_of(system, "system")
         if isinstance(run, Several):
@@ -593,8 +596,8 @@ def explore(
     draw: Callable[[Any], Any] | None = None,
     *,
     sliders: Mapping[str, object] | Iterable[str] | None = None,
-    start: bool | Mapping[str, float] = True,
-    method: bool | str = True,
+    start: bool | Mapping[str, float] | None = True,
+    method: bool | str | None = True,
     verdict: Callable[[Run], str] | None = None,
     title: str | None = None,
     choices: Mapping[str, Mapping[str, Mapping[str, object]]] | None = None,
@@ -611,9 +614,10 @@ def explore(
     sliders   name -> (low, high), (low, high, step) or False (no slider), for parameters, states,
               "t_end", "rtol", "step"; or a list: only these get a slider, in this order. A range
               left out comes from the Parameter or the default run
-    start     True: sliders for the initial state; False: none; {"x": 2.0}: that begin there
-    method    True: method, tolerance or step, and end time can be chosen; False: not; "RK4":
-              chosen, beginning with this one
+    start     True: sliders for the initial state; False, None, {}: none; {"x": 2.0}: that begin
+              there
+    method    True: method, tolerance or step, and end time can be chosen; False, None: not;
+              "RK4": chosen, beginning with this one
     verdict   verdict(run) -> a sentence under the picture; left out: how it ended, events, work
     choices   label -> option -> arguments of simulate, also "system": a select between variants,
               the first is the default,
@@ -633,7 +637,8 @@ def explore(
     several = isinstance(system, Mapping)
     whole = Merged(system) if several else system
     models: dict[str, System] = whole.systems if several else {"": system}
-    given = {} if isinstance(start, bool) else named(start, "start", "{name: value}, True or False")
+    form = "{name: value}, True or False"
+    given = {} if start is True or not start else named(start, "start", form)
     given = {name: number(value, f"start of {name!r}") for name, value in given.items()}
     _known("start", given, whole.units, whole)
     begins = {label: one.start | _among(given, one.units) for label, one in models.items()}
@@ -645,7 +650,7 @@ def explore(
     wide = horizon - number(options.get("t0", 0.0), "t0")
     settings = {
         "t_end": horizon,
-        "method": METHOD if isinstance(method, bool) else method,
+        "method": METHOD if method is None or isinstance(method, bool) else method,
         "rtol": options.pop("rtol", RTOL),
         "step": options.pop("step", rounded(wide / 1000, 1)),
     }
@@ -716,7 +721,7 @@ def explore(
         for control in controls_of(
             one,
             ps[label],
-            begins[label] if start is not False and "start" not in taken else {},
+            begins[label] if start and "start" not in taken else {},
             settings if method else {},
             wanted,
             ranges,
@@ -754,6 +759,7 @@ def explore(
         verdict or (_verdicts if several else _verdict),
         run,
         _presets(presets or {}, whole, controls),
+        taken,
     )
     if os.environ.get("LABKIT_CHECK") == "1":
         panel.check()

@@ -19,11 +19,11 @@ import inspect
 import math
 import operator
 import types
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from numbers import Real
+from numbers import Number, Real
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ from sympy.core.function import AppliedUndef
 from sympy.core.parameters import distribute
 
 from .model import ModelError
-from .rebind import rebound
+from .rebind import names_in, rebound
 
 __all__ = ["Definition", "Quantity", "Tracer", "Untraceable", "expression"]
 
@@ -418,7 +418,8 @@ class Tracer:
                 bound.arguments[key] = Quantity(formal)
             elif isinstance(value, Real):
                 shown.append(expression(value))
-        called = (label, copy, *map(_identity, bound.arguments.values()))
+        steady = _steady(function, set()) or object()
+        called = (label, copy, steady, *map(_identity, bound.arguments.values()))
         if called not in self._values:
             value = _explore(lambda: copy(*bound.args, **bound.kwargs))
             if isinstance(value, sp.Expr) and value.has(sp.Piecewise):
@@ -459,12 +460,34 @@ class Tracer:
 
 
 def _identity(value: Any) -> Any:
-    """What a helper's value depends on: equal for arguments of one kind, whatever their objects."""
+    """What a helper's value depends on: equal for arguments of one kind, whatever their objects.
+
+    What may have changed since, an object's attributes or a list's items, is equal to nothing.
+    """
     if isinstance(value, Quantity):
         return value.condition if isinstance(value, Condition) else value.e
     if isinstance(value, tuple):
         return type(value), *map(_identity, value)
-    return (type(value), value) if isinstance(value, Hashable) else object()
+    known = value is None or isinstance(value, Number | str)
+    return (type(value), value) if known else object()
+
+
+_FIXED = (Number, str, types.NoneType, types.ModuleType, types.BuiltinFunctionType, np.ufunc, type)
+
+
+def _steady(value: Any, seen: set[int]) -> bool:
+    """Whether it is the same whenever it is read; a function: also all that it reads."""
+    value = getattr(value, "py_func", value)
+    if isinstance(value, tuple):
+        return all(_steady(one, seen) for one in value)
+    if not isinstance(value, types.FunctionType) or id(value) in seen:
+        return id(value) in seen or isinstance(value, _FIXED)
+    seen.add(id(value))
+    scope = value.__globals__
+    read = [scope[name] for name in names_in(value.__code__) if name in scope]
+    with suppress(ValueError):  # a variable that has no value yet
+        read += [cell.cell_contents for cell in value.__closure__ or ()]
+    return all(_steady(one, seen) for one in (*read, *(value.__defaults__ or ())))
 
 
 def _explore(call: Callable[[], Any]) -> sp.Expr | tuple[sp.Expr, ...]:

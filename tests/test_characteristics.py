@@ -583,3 +583,24 @@ def test_values_found_right_do_not_speak_for_others():
     with pytest.raises(ModelError, match="branches cross"):
         relay(1.0, p)
     assert relay(1.0, p | {"a": 0.3}) == 1.0
+
+
+def test_a_formula_that_has_no_value_says_so_in_an_output():
+    """A function made of text has no __name__ among its globals: that must not hide its error."""
+    relay, other = characteristic("relay", K="1"), characteristic("relay", K="1/c")
+    model = System(
+        "two relays",
+        {"x": "m", "v": "m/s"},
+        {"c": 0.0},
+        start={"x": 1.0, "v": 0.0},
+        outputs={"F": other.output("N")},
+        **relay.modes(lambda t, s, p, F: (s.v, -F)),
+    )
+    with pytest.raises(ZeroDivisionError):
+        simulate(model, 1.0)["F"]
+
+
+def test_a_parameter_may_be_an_array_as_x_may():
+    relay = characteristic("relay")
+    for _ in range(2):  # the second time two arrays would be compared
+        assert relay([-1.0, 1.0], {"K": np.array([1.0, 2.0])}) == pytest.approx([-1.0, 2.0])

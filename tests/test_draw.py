@@ -51,7 +51,7 @@ from labkit.draw.layers import (
 )
 from labkit.draw.overlay import Overlay
 from labkit.draw.plane import Plane, contour, find_equilibria, over_arrays, separatrices
-from labkit.draw.private import Renderer, measure_as, reshape, tick_size
+from labkit.draw.private import Renderer, measure_as, reshape, tick_size, ticks_once
 from labkit.draw.sketch import CHARACTERISTICS
 from labkit.draw.ticks import Spaced, over_time, said
 from labkit.draw.time import SHARED
@@ -1915,3 +1915,17 @@ def test_a_small_patch_keeps_its_colour_among_thousands_of_shades():
     picture[20:28, 30:50] = (211, 238, 229)
     made = np.asarray(Image.open(io.BytesIO(_palette_png(Image.fromarray(picture)))).convert("RGB"))
     assert np.all(made[20:28, 30:50] == (211, 238, 229))
+
+
+def test_ticks_once_in_two_threads():
+    """Both find the axes untouched, and each puts them back: the second finds that done."""
+    axes = figure().axes[0]
+    with ticks_once(axes):
+        for axis in (axes.xaxis, axes.yaxis):
+            del axis._update_ticks, axis._get_ticklabel_bboxes
+    assert not {"_update_ticks", "_get_ticklabel_bboxes"} & vars(axes.xaxis).keys()
+
+
+def test_a_plane_of_one_state_twice_is_refused():
+    with pytest.raises(ModelError, match="two states, and both are 'x'; 'linear' has 'x', 'v'"):
+        phase_portrait(linear(((0, 1), (-1, 0))), "x", "x")

@@ -8,6 +8,7 @@ import math
 import re
 import subprocess
 import sys
+import types
 from math import copysign, pi, sin
 from pathlib import Path
 
@@ -277,9 +278,10 @@ def test_one_helper_with_two_fixed_numbers_gives_two_definitions():
 
 def test_a_helper_is_walked_once_for_arguments_of_one_kind():
     walks = []
+    walked = walks.append
 
     def helper(x, side):
-        walks.append(side)
+        walked(side)
         return side * x if x > 0 else -x
 
     def flow(t, s, p):
@@ -292,6 +294,48 @@ def test_a_helper_is_walked_once_for_arguments_of_one_kind():
     assert walks == [1, 1, 2, 2]  # both ways, once for each fixed number
     assert e.subs({made.states["x"]: 3, made.states["v"]: -1}) == 3 + 2 * 2 + 3
     assert r"\mathrm{helper}\left(v - 1, 1\right)" in made._repr_markdown_()
+
+
+def test_a_helper_is_walked_again_when_what_it_reads_may_have_changed():
+    box, count = types.SimpleNamespace(k=0.0), [0]
+
+    def stiff(x, box):
+        return box.k * x
+
+    def counted(x):
+        count[0] += 1
+        return count[0] * x
+
+    def by_way(x):
+        return counted(x)
+
+    def flow(t, s, p):
+        box.k = 1.0
+        a = stiff(s.x, box)
+        box.k = 2.0
+        count[0] = 0
+        return a + 10 * stiff(s.x, box) + 100 * counted(s.x) + 1000 * by_way(s.x)
+
+    x = sp.Symbol("x", real=True)
+    assert sp.expand(equations(system_of(flow)).flows["only"]["v"]) == 2121 * x
+
+
+def test_formulas_are_those_of_the_call():
+    """Not those of the first look: a notebook's K may be another by then."""
+    scope = {}
+    exec("K = 2\ndef flow(t, s, p):\n    return K * s.x", scope)
+    system = system_of(scope["flow"])
+    made = equations(system)
+    scope["K"] = 3
+    assert made.flows["only"]["v"] == 2 * made.states["x"]
+    assert "2 \\, x" in made._repr_markdown_()
+
+
+def test_helpers_stand_in_one_order_whatever_is_looked_at_first():
+    guard = Transition("only", None, lambda t, s, p: clipped(s.v, -1), direction=1)
+    system = system_of(lambda t, s, p: sgn(s.x), transitions=[guard])
+    first = equations(system)
+    assert first.guards and first._repr_markdown_() == equations(system)._repr_markdown_()
 
 
 def test_words_of_transitions():

@@ -61,3 +61,5 @@ def test_what_is_no_students_folder(tmp_path):
 def test_models_are_found_where_a_cell_names_them():
     text = "system, horizon = make(), 3.0\nfor system_two in ():\n    pass\nother = system"
     assert _makes({"cell_type": "code", "source": text}) == ["system"]
+    text = "system.note = 3\nd[system.name] = 1\nd[system] = system"
+    assert _makes({"cell_type": "code", "source": text}) == []

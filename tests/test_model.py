@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from labkit import run as run_module
 from labkit.model import OPTIONS, At, Every, Mode, ModelError, Output, Parameter, System, Transition
-from labkit.run import Event, Run, Work, load_npz
+from labkit.run import Ended, Event, Run, Work, load_npz
+from labkit.solve import simulate
 
 from .by_hand import lanes
 
@@ -74,7 +75,7 @@ REFUSED = {
     ),
     "state t": (
         lambda: system(states={"t": "s"}),
-        "state of the system 't' has the name of the time",
+        "state of the system 't' has the name of the time, the first argument of every function",
     ),
     "one state in two units": (
         lambda: system(modes=[Mode("a", flow), Mode("b", flow, states={"x": "cm"})]),
@@ -135,7 +136,7 @@ REFUSED = {
     ),
     "parameter like a state": (
         lambda: system(parameters={"x": 1}),
-        "parameter 'x' has the name of a state",
+        "parameter 'x' has the name of a state: .*; a formula could not tell them apart",
     ),
     "parameter like a mode's own state": (
         lambda: system(parameters={"v": 1}, modes=TWO),
@@ -306,7 +307,8 @@ REFUSED = {
         lambda: system(
             modes=TWO, transitions=[Transition("a", "a", guard=guard, reset=flow, zeno="b")]
         ),
-        "'a → a' cannot pile up: mode 'a' has the states 'x', mode 'b' has 'y', 'v'",
+        "'a → a' cannot pile up: mode 'a' has the states 'x', mode 'b' has 'y', 'v': its zeno mode "
+        "keeps the first of them",
     ),
     "unknown parameter as delay": (
         leaving(guard=guard, delay="Td"),
@@ -326,6 +328,33 @@ def test_refused(case):
     make, words = REFUSED[case]
     with pytest.raises(ModelError, match=words):
         make()
+
+
+def still(t, s, p):
+    return (0.0,)
+
+
+def resting(states):
+    bounce = Transition(
+        "flight",
+        "flight",
+        guard=lambda t, s, p: s.y,
+        direction=-1,
+        reset=lambda t, s, p: (0.0, -0.5 * s.v),
+        zeno="rest",
+    )
+    modes = [Mode("flight", lambda t, s, p: (s.v, -9.81)), Mode("rest", still, states=states)]
+    start = {"y": 1.0, "v": 0.0}
+    return System("ball", {"y": "m", "v": "m/s"}, {}, modes, [bounce], start=start)
+
+
+@pytest.mark.parametrize("backend", ["plain", "compiled"])
+def test_a_mode_of_rest_may_have_the_first_states_alone(backend):
+    run = simulate(resting({"y": "m"}), 3.0, backend=backend)
+    assert run.ended is Ended.FINISHED and run.final == {"y": pytest.approx(0.0, abs=1e-12)}
+    assert math.isnan(run["v"][-1])
+    with pytest.raises(ModelError, match="keeps the first of them"):  # s.v would be y
+        resting({"v": "m/s"})
 
 
 def test_parameters_are_floats():
@@ -354,7 +383,7 @@ def test_refused_later():
             lambda: cart.unit("q"),
             "'q' is neither a state, an output nor a parameter of 'cart'; there are 'x', 'k'",
         ),
-        (lambda: cart.check_start({"y": 1.0}, "a"), "unknown state"),
+        (lambda: cart.check_start({"y": 1.0}, "a"), r"unknown state\(s\) 'y' \(mode 'a' has 'x'\)"),
         (lambda: cart.check_start({}, "a"), "no value for 'x'"),
         (
             lambda: cart.resolve(lambda p: None, cart.values(), "the delay of 'jump'"),

@@ -151,7 +151,10 @@ def test_which_sliders_and_ranges():
     assert list(keys(sliders=names, method=False)) == order
     assert list(keys(sliders=iter(names), method=False)) == order
     assert list(keys(start=False, method=False)) == ["p.omega0", "p.delta"]
-    assert "start.x" in keys(start={})
+    for none in (None, {}):
+        assert list(keys(start=none, method=False)) == ["p.omega0", "p.delta"]
+    assert keys(method=None) == keys(method=False)
+    assert keys(sliders={"delta": (0.5, 0.5)})["p.delta"] == (0.15, 0.5)  # up to the value
     assert keys(sliders={"t_end": (5, 50)})["t_end"] == (5, 50)
     assert set(keys()) - set(keys(sliders={"t_end": False, "rtol": False})) == {"t_end", "rtol"}
     (control,) = explore(
@@ -1018,6 +1021,14 @@ def test_the_settings_as_a_line_of_code(browser):
 def test_the_line_of_code_says_what_no_slider_sets():
     panel = explore(ball(zeno=None), 40.0, method=False, rtol=1e-5)
     assert panel.run.t[-1] < 40 and panel.code() == "explore(system, 40.0, rtol=1e-05)"
+
+
+def test_the_line_of_code_leaves_to_a_choice_what_it_has_set():
+    ways = {"a": {"method": "RK45", "rtol": 1e-4}, "b": {"method": "RK4", "step": 0.1}}
+    panel = explore(oscillator(), 2.0, curves, choices={"m": ways})
+    assert panel.code() == "explore(system, 2.0)"
+    Browser(panel).picture(**{"choice.m": "b"})
+    assert panel.run.work.method == "RK4" and panel.code() == "explore(system, 2.0)  # m: b"
 
 
 @pytest.mark.parametrize("step", [0, -0.1])

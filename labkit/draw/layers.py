@@ -32,7 +32,7 @@ from .figure import (
     symbol,
     word,
 )
-from .plane import GRID, Limits, Plane, contour, find_equilibria, separatrices
+from .plane import Limits, Plane, contour, find_equilibria, separatrices
 from .private import closed, reshape
 from .ticks import said
 from .time import jumps, sample, segments
@@ -41,7 +41,7 @@ from .words import MODE
 
 
 class Layer(View):
-    """One layer over the plane of two states, alone or as a part of a portrait.
+    """One layer of a portrait, over the plane of two states.
 
     Its legend() names what it shows.
     """
@@ -97,15 +97,14 @@ class DirectionField(Layer):
     None at rest or where no mode holds.
     """
 
-    def __init__(self, axes: Axes, plane: Plane, points: int = 15):
+    def __init__(self, axes: Axes, plane: Plane):
         super().__init__(axes, plane)
-        self.points = points
         look = {"lw": 0.8, "alpha": 0.55, "zorder": 1.2, "solid_joinstyle": "miter"}
         self.lines = [self._stroke(color=self._mode_color(mode), **look) for mode in plane.modes]
         self.redo()
 
     def redo(self) -> None:
-        rows = self.points
+        rows = 15
         columns = min(max(round(rows * self.shape), 5), 60)
         (x0, x1), (y0, y1) = self.limits
         places = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (columns, rows)))
@@ -149,7 +148,7 @@ class Nullclines(Layer):
         for i, mode in enumerate(self.plane.modes):
             if not self.plane.is_plane(mode):
                 continue
-            for k, values in enumerate(self.plane.flow_on_grid(mode, self.limits, GRID)):
+            for k, values in enumerate(self.plane.flow_on_grid(mode, self.limits)):
                 curves[k] += contour(
                     lambda x, y, k=k, mode=mode: self.plane.flow(mode, x, y)[k],
                     self.limits,

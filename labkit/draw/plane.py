@@ -50,8 +50,10 @@ class Plane:
         self.x = x or system.states[0]
         self.y = y or next((name for name in system.states if name != self.x), "")
         if self.y in ("", self.x):
+            both = f", and both are {self.x!r}" if self.y else ""
             raise ModelError(
-                f"a phase portrait needs two states; {system.name!r} has {listed(system.units)}"
+                f"a phase portrait needs two states{both}; {system.name!r} has "
+                f"{listed(system.units)}"
             )
         for name in (self.x, self.y, *(at or {})):
             if name not in system.units:
@@ -179,9 +181,9 @@ class Plane:
         x, y = (rates[names.index(name)].reshape(np.shape(X)) for name in (self.x, self.y))
         return x, y
 
-    def flow_on_grid(self, mode: str, limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """As flow, on a grid of count × count points; kept for the layers that ask again."""
-        return self.kept((mode, limits, count), lambda: self.flow(mode, *grid(limits, count)))
+    def flow_on_grid(self, mode: str, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
+        """As flow, on a grid of GRID × GRID points; kept for the layers that ask again."""
+        return self.kept((mode, limits), lambda: self.flow(mode, *grid(limits)))
 
     def kept(self, what: tuple, made: Callable[[], Any]) -> Any:
         """plane.kept(what, made) -> what made() gave for this model and these values, or gives."""
@@ -231,7 +233,7 @@ class Plane:
 
     def stands_still(self, mode: str, limits: Limits) -> bool:
         """plane.stands_still("rest", limits) -> whether no point of the picture moves in a mode."""
-        return not any(np.any(rate != 0) for rate in self.flow_on_grid(mode, limits, 5))
+        return not any(np.any(rate != 0) for rate in self.flow(mode, *grid(limits, 5)))
 
     def depends_on_time(self, limits: Limits, horizon: float = 10.0) -> bool:
         """True when a flow shown takes other values at other instants.
@@ -288,27 +290,26 @@ def over_arrays(function: Callable) -> Callable:
     return swap(function, "")
 
 
-def grid(limits: Limits, count: int) -> tuple[np.ndarray, np.ndarray]:
+def grid(limits: Limits, count: int = GRID) -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(*(np.linspace(low, high, count) for low, high in limits))
 
 
 def contour(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray],
     limits: Limits,
-    count: int = GRID,
     values: np.ndarray | None = None,
     keep: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
 ) -> list[np.ndarray]:
     """contour(f, limits) -> the curves f(x, y) = 0 as polylines, each an array (k, 2).
 
     keep(x, y) drops points outside a region.
-    `values` are f on the count × count grid where they are known already.
+    `values` are f on the GRID × GRID points where they are known already.
 
     A function that *jumps* through zero (a relay) is no zero: there the function itself, evaluated
     on the curve, is not smaller than at the nodes around, and such points are dropped. An
     identically vanishing function has no curves.
     """
-    X, Y = grid(limits, count)
+    X, Y = grid(limits)
     Z = function(X, Y) if values is None else values
     good = np.isfinite(Z)
     if not good.any() or not np.any(Z[good]):
@@ -318,7 +319,7 @@ def contour(
         return []
     points = np.concatenate(lines)
     column, row = (
-        np.clip(((points[:, k] - low) / (high - low) * (count - 1)).astype(int), 0, count - 2)
+        np.clip(((points[:, k] - low) / (high - low) * (GRID - 1)).astype(int), 0, GRID - 2)
         for k, (low, high) in enumerate(limits)
     )
     around = np.max([np.abs(Z[row + i, column + k]) for i in (0, 1) for k in (0, 1)], axis=0)
@@ -356,7 +357,7 @@ def _equilibria(
     for index, mode in enumerate(plane.modes):
         if not plane.is_plane(mode):
             continue
-        F, G = plane.flow_on_grid(mode, limits, GRID)
+        F, G = plane.flow_on_grid(mode, limits)
         scale = np.array([np.nanmax(np.abs(rate), initial=0) for rate in (F, G)])
         if not np.all(scale > 0) or not np.all(np.isfinite(scale)):
             continue  # a rate that vanishes everywhere leaves no isolated equilibrium

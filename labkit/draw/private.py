@@ -77,7 +77,7 @@ def ticks_once(axes: Axes) -> Iterator[None]:
     finally:
         for axis in changed:
             for name in found:
-                del vars(axis)[name]
+                vars(axis).pop(name, None)  # gone, if another thread has drawn the axes meanwhile
 
 
 def _once(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -52,7 +52,7 @@ def draw(run):
     where = {"limits": LIMITS, "axes": fig.axes[1]}
     plane = phase_portrait(system, "x", "v", starts=40, run=run, direction_field=False, title="",
                            **where)
-    field = DirectionField(fig.axes[1], plane.plane, points=19)
+    field = DirectionField(fig.axes[1], plane.plane)
     return [time_plot(run, ("x", "v"), axes=fig.axes[0], title=""), plane, field]
 
 simulate(system, 10.0, backend="compiled")
