@@ -18,7 +18,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.text import Text
 
 from ..arguments import takes, unambiguous
-from ..model import ModelError, listed
+from ..model import ModelError, check_names
 from ..run import Run
 from .figure import (
     COLORS,
@@ -151,10 +151,8 @@ class Curves(View):
     def update(self, run: Any) -> None:
         """view.update(run): calls what(run) and shows what it gives."""
         found = self._found(run)
-        if not self.drawn and (unknown := [name for name in self.styles if name not in found]):
-            raise ModelError(
-                f"styles names {listed(unknown)}, which is not drawn; there are {listed(found)}"
-            )
+        if not self.drawn:
+            check_names(self.styles, found, "styles names {}, which is not drawn")
         new = [name for name in found if name not in self.drawn]
         for name in new:
             self.drawn[name] = self._made(name, found[name])

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..arguments import asked
-from ..model import ModelError, listed
+from ..model import ModelError, check_names
 from ..run import Run
 from .figure import COLORS, DASHES, FAINT, INK, stroke
 from .layers import strung
@@ -66,11 +66,8 @@ class Handle(View):
 
     def _stands(self, run: Run) -> tuple[float, ...]:
         known = {**run.p._asdict(), **run.start}
-        if unknown := [name for name in self.names if name not in known]:
-            raise ModelError(
-                f"a Handle names {listed(unknown)}, no parameter or state of {run.system.name!r}; "
-                f"there are {listed(known)}"
-            )
+        said = f"a Handle names {{}}, no parameter or state of {run.system.name!r}"
+        check_names(self.names, known, said)
         return tuple(known[name] for name in self.names)
 
     def update(self, run: Run) -> None:

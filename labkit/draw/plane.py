@@ -16,7 +16,7 @@ import numpy as np
 from contourpy import contour_generator
 
 from ..linear import classify
-from ..model import ModelError, System, Transition, listed
+from ..model import ModelError, System, Transition, check_names, listed
 from ..rebind import rebound
 from ..run import Run
 
@@ -56,10 +56,7 @@ class Plane:
                 f"{listed(system.units)}"
             )
         for name in (self.x, self.y, *(at or {})):
-            if name not in system.units:
-                raise ModelError(
-                    f"{name!r} is not a state of {system.name!r}; there are {listed(system.units)}"
-                )
+            check_names([name], system.units, f"{{}} is not a state of {system.name!r}")
         able = [key for key in system.modes if {self.x, self.y} <= set(system.states_of(key))]
         if mode is not None and mode not in able:
             raise ModelError(

@@ -20,7 +20,7 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path
 
 from ..arguments import unambiguous
-from ..model import ModelError, System, listed
+from ..model import ModelError, System, check_names
 from ..run import Run
 from ..runs import Runs
 from .figure import (
@@ -79,12 +79,9 @@ def time_plot(
     groups = [(group,) if isinstance(group, str) else tuple(group) for group in names]
     groups = groups or [(name,) for name in system.units]
     known = [*system.units, *system.outputs]
+    said = f"{{}} is neither a state nor an output of {system.name!r}"
     for name in (name for group in groups for name in group):
-        if name not in known:
-            raise ModelError(
-                f"{name!r} is neither a state nor an output of {system.name!r}; there are "
-                f"{listed(known)}"
-            )
+        check_names([name], known, said)
     if axes is None:
         count = len(groups)
         height = height or 1.2 + (2.6 if count == 1 else 1.9) * count

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..model import ModelError, System, listed, number
+from ..model import ModelError, System, check_names, listed, number
 from .layout import EPS
 from .methods import METHODS
 
@@ -100,10 +100,7 @@ def _absolute(atol: object, system: System) -> float | None | dict[str, float]:
             raise ModelError(f"atol = {atol:g} must not be negative")
         return atol
     states = [name for name in system.units if name not in system.held]
-    if unknown := [name for name in atol if name not in states]:
-        raise ModelError(
-            f"atol names the unknown state(s) {listed(unknown)}; there are {listed(states)}"
-        )
+    check_names(atol, states, "atol names the unknown state(s) {}")
     made = {name: number(value, f"atol of {name!r}") for name, value in atol.items()}
     if negative := [name for name, value in made.items() if value < 0]:
         raise ModelError(f"atol of {listed(negative)} must not be negative")
