@@ -275,7 +275,8 @@ def advance(model, w, p, budget):
             if wanted:
                 keep_piece(w, t, h, mode, n)
             for q in range(n):
-                w.y[q] = w.y_new[q]
+                if w.y[q] != w.y_new[q]:
+                    w.y[q], w.made[q] = w.y_new[q], 0.0
             f[T], f[BEFORE] = end, t
             i[ENTRY] = 0
             if i[SLIDING] == 1:

@@ -110,6 +110,7 @@ def arrive(model, w, p):
     i, f = w.i, w.f
     f[UNTIL] = f[T] + TICKS * EPS * abs(f[T])
     i[BUSY], i[ENTRY] = 1, 1
+    i[BY_FLOW] = i[MODE] if i[SLIDING] == 0 else -1
     return sides(model, w, p, ARRIVE, -9)
 
 
@@ -273,6 +274,7 @@ def fire(model, w, p, q):
         return TERMINAL
     size = w.size[target]
     reset(model, q, mode, w.f[T], w.y, p, w.y_new)
+    made_small(w, size, w.family[mode] == w.family[target])
     for k in range(size):  # a state that has jumped has the size that it has now
         if w.family[mode] != w.family[target] or abs(w.y_new[k] - w.y[k]) > 0.5 * w.most[k]:
             w.most[k] = 0.0
@@ -299,6 +301,27 @@ def fire(model, w, p, q):
         status = pile_up(model, w, p, q, False) if w.shorter[q] >= 3 else LOOP
     grow_old(w, q, size)
     return status
+
+
+def made_small(w, n, same):
+    """What the reset in w.y_new leaves of a state's size, but not of its rounding.
+
+    same: the states are those of before. It counts until the flow moves the state.
+    """
+    i, some = w.i, 0
+    for place in range(n + i[HELD]):
+        k = place if place < n else i[WIDTH] + place - n
+        before, after = w.y[k], w.y_new[k]
+        if (place < n and not same) or after == 0.0:
+            w.made[k] = 0.0
+        elif after != before:
+            size = max(abs(before), w.made[k] if i[MADE] == 1 else 0.0)
+            w.made[k] = size if abs(after) < 0.125 * size else 0.0
+        if w.made[k] > 0.0:
+            some = 1
+            for slot in range(i[TRANSITIONS] + 2):
+                w.scale[slot] = 0.0
+    i[MADE] = some
 
 
 def flight(w, q):

@@ -26,6 +26,7 @@ def begin(model, w, p, lane):
     i, f = w.i, w.f
     i[LANES], i[LANE], i[BEGUN] = lanes, lane, 1
     i[OUT], i[OUT_FROM], i[MODE] = place, place, w.mode0[lane]
+    i[BY_FLOW] = i[MODE]
     for q in range(i[TRANSITIONS]):
         w.last_t[q], w.last_gap[q], w.shorter[q], w.few[q] = f[T0], 0.0, 0, 0
     for slot in range(i[TRANSITIONS] + 2):
@@ -41,7 +42,7 @@ def begin(model, w, p, lane):
     mode = i[MODE]
     n = w.size[mode]
     for q in range(i[WIDTH] + i[HELD]):
-        w.y[q] = w.y0[lane][q]
+        w.y[q], w.made[q] = w.y0[lane][q], 0.0
     for q in range(n):
         w.most[q] = 0.0
     carry(w)

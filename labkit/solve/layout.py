@@ -37,9 +37,10 @@ EPS = 2.220446049250313e-16
 (OWN_SIZE, KINKS, UNSEEN, LANES) = range(48, 52)
 # Which lane is under way, and whether it has begun
 LANE, BEGUN = 52, 53
-# The next place where a table of the time bends; steps refused as a guard does too much in them
-KINK, WILD = 54, 55
-INTEGERS = 56
+# The next place where a table of the time bends; steps refused as a guard does too much in them;
+# whether w.made says anything; the mode whose flow led to this instant, −1 if it was sliding
+KINK, WILD, MADE, BY_FLOW = 54, 55, 56, 57
+INTEGERS = 58
 # Rows of the outputs, in w.room
 ROOM_OUT, ROOM_LEDGER, ROOM_PIECES = range(3)
 # Places in w.f. BEFORE: where the last step began; EVENT_T: the last instant with an event; UNTIL:
@@ -144,6 +145,8 @@ def workspace(z):
         ("kept", "f", (z.degree + 1, z.width)),
         ("most", "f", (z.width,)),  # the largest size of each state so far
         ("size_of", "f", (z.units + 1,)),  # … and of each kind
+        # what a reset has made small, 1 − 1 + 1e-16, has the rounding of this size
+        ("made", "f", (y,)),
         ("terms", "f", (z.modes, z.width)),  # the size of what each derivative is made of
         ("felt", "f", (z.modes, z.width)),  # … for states of this size, −1 if never
         # guards in a step, by their place among those looked at

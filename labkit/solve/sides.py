@@ -34,6 +34,11 @@ def know_flow(model, w, p):
         w.i[KNOWN] = 1
 
 
+def known_as(w, y, i):
+    """The size whose rounding a state has: its own, or of what a reset has made it of."""
+    return abs(y[i]) if w.i[MADE] == 0 else max(abs(y[i]), w.made[i])
+
+
 def gauge(model, w, p, mode, n, t, y, k, value, wide):
     """Σ|∂g/∂yᵢ·yᵢ| + |∂g/∂t·t| of the k-th guard, whose value is given; wide: with each state's
     largest size so far.
@@ -47,7 +52,7 @@ def gauge(model, w, p, mode, n, t, y, k, value, wide):
     held = w.i[HELD] if wide == 0 else 0  # they are exact, but terms like others
     for place in range(n + held):
         i = place if place < n else w.i[WIDTH] + place - n
-        size = w.most[i] if wide == 1 else abs(y[i])
+        size = w.most[i] if wide == 1 else known_as(w, y, i)
         if size > 0.0:
             w.y_shake[i] = y[i] + SHAKE * size
             watch(model, w, mode, n, t, w.y_shake, p, w.g_look)
@@ -105,7 +110,7 @@ def doubt(model, w, p, mode, n, t, y, k, value):
     if not known or abs(value) <= 4.0 * (DOUBT * EPS * w.scale[slot] + CLEAR * w.grain[slot]):
         w.scale[slot] = gauge(model, w, p, mode, n, t, y, k, value, 0)
         for i in range(n):
-            w.scale_y[slot][i] = abs(y[i])
+            w.scale_y[slot][i] = known_as(w, y, i)
         w.scale_y[slot][w.i[WIDTH]] = abs(t)
     rounding = DOUBT * EPS * w.scale[slot] + CLEAR * w.grain[slot]
     if w.i[SLIDING] == 1 and k < 2:  # a slope, by differences over PROBE
@@ -267,7 +272,7 @@ def shaken(model, w, p, mode, n, t, y, k, times=1.0):
     for i in range(n + 1):
         off, tick = 0.0, times * DOUBT * EPS * abs(t)
         if i < n:
-            off, tick = times * max(DOUBT * EPS * abs(y[i]), 1e-300), 0.0
+            off, tick = times * max(DOUBT * EPS * known_as(w, y, i), 1e-300), 0.0
             w.y_shake[i] = y[i] + off
         watch(model, w, mode, n, t + tick, w.y_shake, p, w.g_away)
         if i < n:
@@ -309,9 +314,8 @@ def at_leap(model, w, p, mode, n, t, k, slot):
     """
     if shaken(model, w, p, mode, n, t, w.y, k) > 0.0:
         return 1
-    line = w.ledger[w.i[LEDGER] - 1]
-    before = int(line[3])
-    if before < 0 or w.size[before] != n:
+    line, came = w.ledger[w.i[LEDGER] - 1], w.i[BY_FLOW]
+    if came < 0 or w.family[came] != w.family[mode] or line[3] < 0 or w.size[int(line[3])] != n:
         return 0
     for i in range(n):
         w.y_shake[i] = line[5 + i]
@@ -319,7 +323,7 @@ def at_leap(model, w, p, mode, n, t, k, slot):
     w.i[GUARDS] += 1
     if w.came[slot] == 2 and w.g_look[k] == w.g[k] and kept_state(w, n) == 1:
         return 1
-    flow(model, before, t, w.y_shake, p, w.ahead[1])
+    flow(model, came, t, w.y_shake, p, w.ahead[1])
     w.i[FLOWS] += 1
     straight(model, w, p, mode, n, t, w.y, w.ahead[1], 16.0 * soonest(w, t), w.g_away)
     back, half = w.g_look[k], w.g_away[k]
@@ -466,9 +470,9 @@ def sides(model, w, p, how, fired):
                 if beyond and urgent != NO and not acted:
                     w.wait[slot] = 1
                 elif not clear and not directed and kept_state(w, n) == 1:
-                    before = int(w.ledger[i[LEDGER] - 1][3])
-                    if before >= 0:
-                        w.wait[slot] = opposed(model, w, p, mode, before, n, t, k, band, now)
+                    came = i[BY_FLOW]
+                    if came >= 0 and w.family[came] == w.family[mode]:
+                        w.wait[slot] = opposed(model, w, p, mode, came, n, t, k, band, now)
         elif how == START:
             # where both flows push towards the surface, the run begins on it; a jump has no slope
             both = not clear and (not directed or now > 0 and w.leap[slot] == 1)

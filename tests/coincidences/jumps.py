@@ -57,4 +57,4 @@ def generate(random, shapes: int = linear.SHAPES) -> Case:
         case = draw(random, shapes)
         edges = settled(case)
         if edges and sum(e < GUARDS for e in edges) >= 2:
-            return case
+            return linear.in_units(case, random)

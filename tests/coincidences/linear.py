@@ -1,6 +1,9 @@
 """Random systems of constant flows and linear guards, made so that things coincide: the same
 guard twice, multiples of a guard, guards through one point of the path, clocks at those very
 instants. `reference.py` says in fractions what is right.
+
+A case is run in units of its own (0.1, 1/3, 9.81 …): then what coincides in fractions coincides in
+floating-point numbers up to rounding only.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ METHODS = ("RK4", "RK45", "DOP853")
 MODES, GUARDS, CLOCKS = 3, 5, 3
 SHAPES = 24  # what is compiled anew is the shape; everything else is a number
 NEVER = 1e6
+UNITS = (1.0, 1.0, 0.1, 0.3, 1 / 3, 9.81, 1e-3, 1e6 / 7)
 
 FLOWS = (
     lambda t, s, p: (p.u0, p.w0),
@@ -55,6 +59,8 @@ class Case:
     edges: tuple[Edge, ...]
     start: tuple[Fraction, Fraction]
     horizon: Fraction
+    units: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of x, y, t
+    sizes: tuple[float, ...] = (1.0,) * GUARDS  # what guards are multiplied by
 
     def story(self) -> Story:
         return Story(list(self.flows), list(self.edges), 0, self.start).tell(self.horizon)
@@ -83,30 +89,35 @@ class Case:
                 )
                 for i, edge in enumerate(self.edges)
             ],
-            start={"x": float(self.start[0]), "y": float(self.start[1])},
+            start={
+                name: float(z) * unit
+                for name, z, unit in zip("xy", self.start, self.units, strict=False)
+            },
         )
 
     def parameters(self) -> dict[str, float]:
-        values = {}
+        values: dict[str, float] = {}
+        x, y, s = self.units
         for m, (u, w) in enumerate(self.flows):
-            values |= {f"u{m}": u, f"w{m}": w}
+            values |= {f"u{m}": float(u) * x / s, f"w{m}": float(w) * y / s}
         for i, edge in enumerate(self.edges):
             if edge.guard:
-                g = edge.guard
-                values |= {f"a{i}": g.a, f"b{i}": g.b, f"c{i}": g.c, f"d{i}": g.d}
+                g, k = edge.guard, self.sizes[i]
+                values |= {f"a{i}": float(g.a) * k / x, f"b{i}": float(g.b) * k / y}
+                values |= {f"c{i}": float(g.c) * k / s, f"d{i}": float(g.d) * k}
             if edge.jump:
                 j = edge.jump
-                values |= {f"kx{i}": j.kx, f"hx{i}": j.hx, f"ky{i}": j.ky, f"hy{i}": j.hy}
+                values |= {f"kx{i}": float(j.kx), f"hx{i}": float(j.hx) * x}
+                values |= {f"ky{i}": float(j.ky), f"hy{i}": float(j.hy) * y}
         every, twice, once = (edge.at for edge in self.edges[GUARDS:])
-        values |= {"first": every[0], "period": every[1] - every[0]}
-        values |= {"one": twice[0], "two": twice[1], "three": once[0]}
-        return {name: float(value) for name, value in values.items()}
+        instants = {"first": every[0], "period": every[1] - every[0]}
+        instants |= {"one": twice[0], "two": twice[1], "three": once[0]}
+        return values | {name: float(t) * s for name, t in instants.items()}
 
     def __str__(self) -> str:
         edges = "; ".join(f"e{i} {edge}" for i, edge in enumerate(self.edges))
-        return f"flows {self.flows}, start {self.start}, to {self.horizon}: {edges}".replace(
-            "Fraction", ""
-        )
+        told = f"flows {self.flows}, start {self.start}, to {self.horizon}, units {self.units}, "
+        return f"{told}guards times {self.sizes}: {edges}".replace("Fraction", "")
 
 
 def shape(number: int) -> list[tuple[tuple[int, ...], int, bool, int]]:
@@ -189,6 +200,15 @@ def draw_instants(random, which: int, places) -> tuple[Fraction, ...]:
     return tuple(sorted((one, two if two != one else far + 1)))[: 2 if which == 1 else 1]
 
 
+def in_units(case: Case, random) -> Case:
+    """The case in other units; dead times, which its transitions hold as numbers, stay in 1."""
+    x, y, s = (random.choice(UNITS) for _ in range(3))
+    if any(edge.delay for edge in case.edges):
+        s = 1.0
+    sizes = tuple(random.choice((1.0, 0.1, 3.3, 1e-8 / 3, 1e9 / 7)) for _ in range(GUARDS))
+    return replace(case, units=(x, y, s), sizes=sizes)
+
+
 def settled(case: Case) -> list[int] | None:
     """The transitions of the case in order, or None where the rules leave room or nothing is
     told.
@@ -206,7 +226,7 @@ def generate(random, shapes: int = SHAPES) -> Case:
     while True:
         case = draw(random, shapes)
         if settled(case) is not None:
-            return case
+            return in_units(case, random)
 
 
 def expected(case: Case) -> int:
@@ -214,18 +234,17 @@ def expected(case: Case) -> int:
 
 
 def check(case: Case, backend: str, method: str) -> list[Complaint]:
-    story = case.story()
-    done = run(
-        case.system(), float(case.horizon), backend, method, step=0.0625, **case.parameters()
-    )
+    story, second = case.story(), case.units[2]
+    end, step = float(case.horizon) * second, 0.0625 * second
+    done = run(case.system(), end, backend, method, step=step, **case.parameters())
     right, found = defaultdict(list), defaultdict(list)
     for line in story.lines:
-        right[line.edge].append(float(line.t))
+        right[line.edge].append(float(line.t) * second)
     for event in done.events:
         found[event.index].append(event.t)
     complaints = [] if story.over else finished(done)
     for e in sorted({*right, *found}):
-        complaints += compare(found[e], right[e], 1e-9, f"e{e}")
+        complaints += compare(found[e], right[e], 1e-9 * second, f"e{e}")
     lines = [
         (line.edge, f"m{line.source}", None if line.target is None else f"m{line.target}")
         for line in story.lines
@@ -233,5 +252,6 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
     ledger = [(event.index, event.source, event.target) for event in done.events]
     if not complaints and ledger != lines:
         complaints.append(Complaint(OTHER, f"ledger {ledger}, right {lines}"))
-    x, y = story.state
-    return complaints + close(done.final, {"x": float(x), "y": float(y)}, 1e-9)
+    final = {name: done.final[name] / u for name, u in zip("xy", case.units, strict=False)}
+    x, y = map(float, story.state)
+    return complaints + close(final, {"x": x, "y": y}, 1e-9)
