@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from labkit import At, Every, Mode, ModelError, System, Transition, simulate, simulate_many
 
-from .coincidences import KINDS, belt, bodies, floors
+from .coincidences import KINDS, belt, bodies, counters, floors
 from .coincidences.__main__ import ways
 from .coincidences.reference import Edge, Guard, Jump, Story, Unclear
 
@@ -45,6 +45,19 @@ def test_random_cases(name, backend):
         assert not kind.check(case, backend, method), f"{method}: {case}"
 
     examine()
+
+
+@both
+def test_a_step_of_a_few_ticks_of_the_clock(backend):
+    """It ends where four guards and two schedules are due; who does not cross in it has not
+    crossed with the others.
+    """
+    crossing = tuple(map(Fraction, ("7/2", "2", "7/2", "7/2", "7/2", "7/2")))
+    case = counters.Case(
+        Fraction(1, 2), Fraction(5, 4), crossing, (0, 1, 0, 1, 1, -1), (2, 1, 1, 1, 1, 1, 2, 0),
+        Fraction(7, 2), (Fraction(7, 2), Fraction(9, 2)), 180180, Fraction(9, 2), (1.0, 0.1),
+    )  # fmt: skip
+    assert not counters.check(case, backend, "Euler")
 
 
 # ---------------------------------------------------------------- bodies

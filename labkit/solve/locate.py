@@ -318,7 +318,7 @@ def find_event(model, w, p, mode, n, t, h, entry):
     chosen, latest = -1, best
     for k in range(count):
         slot = watched(w, mode, k) + 2
-        if w.root[k] <= best + tie:
+        if w.root[k] <= limit:
             if chosen < 0:
                 chosen = k
             latest = max(latest, w.root[k])

@@ -1,5 +1,5 @@
 """A point in a rectangle whose walls send it back: unfolded it flies straight. Corners are
-aimed at.
+aimed at, and hit exactly or up to rounding, by the units.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from labkit import Mode, System, Transition
 
-from .findings import EPS, THROUGH, Complaint, close, compare, finished, run
+from .findings import EPS, THROUGH, UNITS, Complaint, close, compare, finished, run
 
 METHODS = ("Heun", "RK4", "RK45", "DOP853")
 PRIORITIES = ((0, 0, 0, 0), (0, 0, 1, 1), (1, 0, 0, 1), (3, 2, 1, 0))
@@ -63,6 +63,7 @@ class Case:
     low: float
     t0: float
     horizon: Fraction
+    units: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of x, y, t
 
 
 def hits(place: Fraction, speed: Fraction, width: Fraction, horizon: Fraction) -> list[Fraction]:
@@ -98,6 +99,7 @@ def generate(random, shapes: int = len(PRIORITIES)) -> Case:
         wide, high, x, y, vx, vy,
         random.choice((0, 1)), PRIORITIES[random.randrange(shapes)],
         left, low, random.choice((0.0, 0.0, 1e5)), horizon,
+        (random.choice(UNITS), random.choice(UNITS), random.choice(UNITS)),
     )  # fmt: skip
 
 
@@ -114,36 +116,40 @@ def expected(case: Case) -> int:
 
 def check(case: Case, backend: str, method: str) -> list[Complaint]:
     # every hit stands on the clock's grid, and the way back begins where it stands
+    wide, high, second = case.units
     clock = 4 * EPS * case.t0 * (1 + expected(case))
-    tolerance = 1e-11 + 1e-12 * abs(case.left) + clock
     done = run(
         table(case.direction, case.priorities),
-        case.t0 + float(case.horizon),
+        case.t0 + float(case.horizon) * second,
         backend,
         method,
         t0=case.t0,
-        step=0.125,
+        step=0.125 * second,
         start={
-            "x": case.left + float(case.x),
-            "y": case.low + float(case.y),
-            "vx": float(case.vx),
-            "vy": float(case.vy),
+            "x": case.left + float(case.x) * wide,
+            "y": case.low + float(case.y) * high,
+            "vx": float(case.vx) * wide / second,
+            "vy": float(case.vy) * high / second,
         },
-        wide=float(case.wide),
-        high=float(case.high),
+        wide=float(case.wide) * wide,
+        high=float(case.high) * high,
         left=case.left,
         low=case.low,
     )
+    off = 1e-11 + 1e-12 * abs(case.left) / min(wide, high) + clock / second  # in units
     times = [float(t) for t in walls_hit(case)]
     complaints = finished(done)
-    complaints += compare([e.t - case.t0 for e in done.events], times, tolerance, "wall")
-    x, y = done["x"] - case.left, done["y"] - case.low
+    complaints += compare([(e.t - case.t0) / second for e in done.events], times, off, "wall")
+    x, y = (done["x"] - case.left) / wide, (done["y"] - case.low) / high
     out = max(-np.min(x), -np.min(y), np.max(x) - float(case.wide), np.max(y) - float(case.high))
     speed = 1.0 + float(max(abs(case.vx), abs(case.vy)))
-    if out > tolerance * speed:
+    if out > off * speed:
         complaints.append(Complaint(THROUGH, f"{out:.3g} outside"))
     T = case.horizon
-    x, vx = folded(case.x + case.vx * T, case.vx, case.wide)
-    y, vy = folded(case.y + case.vy * T, case.vy, case.high)
-    exact = {"x": case.left + float(x), "y": case.low + float(y), "vx": float(vx), "vy": float(vy)}
-    return complaints + close(done.final, exact, tolerance * speed)
+    x, vx = map(float, folded(case.x + case.vx * T, case.vx, case.wide))
+    y, vy = map(float, folded(case.y + case.vy * T, case.vy, case.high))
+    end = done.final
+    found = {"x": (end["x"] - case.left) / wide, "y": (end["y"] - case.low) / high}
+    found |= {"vx": end["vx"] * second / wide, "vy": end["vy"] * second / high}
+    exact = {"x": x, "y": y, "vx": vx, "vy": vy}
+    return complaints + close(found, exact, off * speed)

@@ -12,7 +12,7 @@ from functools import cache
 
 from labkit import At, Every, Mode, System, Transition
 
-from .findings import EPS, OTHER, Complaint, close, finished, run
+from .findings import EPS, OTHER, UNITS, Complaint, close, finished, run
 
 METHODS = ("Euler", "RK4", "RK45", "DOP853")
 SLOTS = 8
@@ -78,6 +78,7 @@ class Case:
     at: tuple[Fraction, Fraction]
     t0: int
     horizon: Fraction
+    units: tuple[float, float] = (1.0, 1.0)  # of x, t
 
 
 def shape(number: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -104,6 +105,7 @@ def generate(random, shapes: int = SHAPES) -> Case:
         (first * QUARTER, second * QUARTER),
         random.choice((0, 0, 180180)),  # a multiple of all periods: lcm(1 … 16)/4
         random.choice((QUARTER * places[0], QUARTER * places[1], Fraction(4), Fraction(9, 2))),
+        (random.choice(UNITS), random.choice(UNITS)),
     )
 
 
@@ -131,20 +133,21 @@ def expected(case: Case) -> int:
 
 
 def check(case: Case, backend: str, method: str) -> list[Complaint]:
-    levels = {f"c{i}": float(case.x0 + case.u * case.crossing[i]) for i in range(3)}
-    levels |= {f"c{i}": float(case.t0 + case.crossing[i]) for i in range(3, 6)}
+    unit, second = case.units
+    levels = {f"c{i}": float(case.x0 + case.u * case.crossing[i]) * unit for i in range(3)}
+    levels |= {f"c{i}": float(case.t0 + case.crossing[i]) * second for i in range(3, 6)}
     done = run(
         meter(case.directions, case.priorities),
-        float(case.t0 + case.horizon),
+        float(case.t0 + case.horizon) * second,
         backend,
         method,
-        t0=float(case.t0),
-        step=0.0625,
-        start={"x": float(case.x0)},
-        u=float(case.u),
-        period=float(case.period),
-        a=float(case.t0 + case.at[0]),
-        b=float(case.t0 + case.at[1]),
+        t0=float(case.t0) * second,
+        step=0.0625 * second,
+        start={"x": float(case.x0) * unit},
+        u=float(case.u) * unit / second,
+        period=float(case.period) * second,
+        a=float(case.t0 + case.at[0]) * second,
+        b=float(case.t0 + case.at[1]) * second,
         **levels,
     )
     lines = ledger(case)
@@ -163,10 +166,13 @@ def check(case: Case, backend: str, method: str) -> list[Complaint]:
         complaints.append(Complaint(OTHER, text))
     if not complaints:
         late = max(
-            (abs(e.t - case.t0 - t) for e, (t, _) in zip(done.events, lines, strict=True)),
+            (
+                abs(e.t / second - case.t0 - float(t))
+                for e, (t, _) in zip(done.events, lines, strict=True)
+            ),
             default=0,
         )
         if late > tolerance:
             complaints.append(Complaint(OTHER, f"an event is {float(late):.3g} off"))
     x = float(case.x0 + case.u * case.horizon)
-    return complaints + close(done.final, {"x": x}, tolerance + 3 * tolerance)
+    return complaints + close({"x": done.final["x"] / unit}, {"x": x}, 4 * tolerance)

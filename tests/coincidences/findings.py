@@ -10,6 +10,8 @@ from labkit import Run, System, simulate
 LOST, INVENTED, THROUGH, OTHER = "lost", "invented", "through", "other"
 SCIPY = ("LSODA", "Radau", "BDF")
 EPS = 2.0**-52
+# What a case is told in: in some of them it coincides exactly, in others up to rounding
+UNITS = (1.0, 1.0, 0.1, 0.3, 1 / 3, 9.81, 1e-3, 1e6 / 7)
 
 
 class Complaint(NamedTuple):

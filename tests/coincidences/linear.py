@@ -15,14 +15,13 @@ from fractions import Fraction
 
 from labkit import At, Every, Mode, System, Transition
 
-from .findings import OTHER, Complaint, close, compare, finished, run
+from .findings import OTHER, UNITS, Complaint, close, compare, finished, run
 from .reference import Edge, Guard, Jump, Story, Unclear
 
 METHODS = ("RK4", "RK45", "DOP853")
 MODES, GUARDS, CLOCKS = 3, 5, 3
 SHAPES = 24  # what is compiled anew is the shape; everything else is a number
 NEVER = 1e6
-UNITS = (1.0, 1.0, 0.1, 0.3, 1 / 3, 9.81, 1e-3, 1e6 / 7)
 
 FLOWS = (
     lambda t, s, p: (p.u0, p.w0),
