@@ -275,7 +275,8 @@ def advance(model, w, p, budget):
             if wanted:
                 keep_piece(w, t, h, mode, n)
             for q in range(n):
-                if w.y[q] != w.y_new[q]:
+                w.moved[q] = w.y_new[q] - w.y[q]
+                if w.moved[q] != 0.0:
                     w.y[q], w.made[q] = w.y_new[q], 0.0
             f[T], f[BEFORE] = end, t
             i[ENTRY] = 0

@@ -274,9 +274,10 @@ def fire(model, w, p, q):
         return TERMINAL
     size = w.size[target]
     reset(model, q, mode, w.f[T], w.y, p, w.y_new)
-    made_small(w, size, w.family[mode] == w.family[target])
+    same = w.family[mode] == w.family[target]
+    made_of(w, size, same)
     for k in range(size):  # a state that has jumped has the size that it has now
-        if w.family[mode] != w.family[target] or abs(w.y_new[k] - w.y[k]) > 0.5 * w.most[k]:
+        if not same or abs(w.y_new[k] - w.y[k]) > 0.5 * w.most[k]:
             w.most[k] = 0.0
         w.y[k] = w.y_new[k]
     for k in range(i[WIDTH], i[WIDTH] + i[HELD]):
@@ -287,6 +288,11 @@ def fire(model, w, p, q):
     carry(w)
     sized(w, target, size)
     enter(model, w, p, target, target, size)
+    if same:
+        stands_still(model, w, p, size)
+    else:
+        for k in range(size):
+            w.moved[k] = 0.0
     own = q if i[KIND] == CROSSED or mode != target else -9
     status = sides(model, w, p, JUMPED_TO if mode == target else ENTERED, own)
     if status != PAUSE and status != CONTACT:
@@ -303,10 +309,9 @@ def fire(model, w, p, q):
     return status
 
 
-def made_small(w, n, same):
-    """What the reset in w.y_new leaves of a state's size, but not of its rounding.
-
-    same: the states are those of before. It counts until the flow moves the state.
+def made_of(w, n, same):
+    """The size whose rounding each state has after the reset in w.y_new; it counts until the flow
+    moves the state. same: the states are those of before.
     """
     i, some = w.i, 0
     for place in range(n + i[HELD]):
@@ -315,13 +320,28 @@ def made_small(w, n, same):
         if (place < n and not same) or after == 0.0:
             w.made[k] = 0.0
         elif after != before:
-            size = max(abs(before), w.made[k] if i[MADE] == 1 else 0.0)
+            size = max(abs(before), w.made[k])
             w.made[k] = size if abs(after) < 0.125 * size else 0.0
         if w.made[k] > 0.0:
             some = 1
-            for slot in range(i[TRANSITIONS] + 2):
-                w.scale[slot] = 0.0
     i[MADE] = some
+
+
+def stands_still(model, w, p, n):
+    """After an event: a state that came fast and stands still from here on (more or less) is known
+    as well as the clock was when it came.
+    """
+    i, t, span = w.i, w.f[T], w.f[T] - w.f[BEFORE]
+    if t != 0.0 and span > 0.0:
+        know_flow(model, w, p)
+        for k in range(n):
+            rate, size = abs(w.moved[k]) / span, max(abs(w.y[k]), w.made[k])
+            stands = size > 0.0 and rate > 8.0 * abs(w.k[0][k])
+            if stands and rate * abs(t) > 8.0 * size:
+                w.made[k], i[MADE] = rate * abs(t), 1
+    if i[MADE] == 1:
+        for slot in range(i[TRANSITIONS] + 2):
+            w.scale[slot] = 0.0
 
 
 def flight(w, q):

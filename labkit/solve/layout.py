@@ -145,7 +145,9 @@ def workspace(z):
         ("kept", "f", (z.degree + 1, z.width)),
         ("most", "f", (z.width,)),  # the largest size of each state so far
         ("size_of", "f", (z.units + 1,)),  # … and of each kind
-        # what a reset has made small, 1 − 1 + 1e-16, has the rounding of this size
+        ("moved", "f", (z.width,)),  # by the last step
+        # a state has the rounding of this size: it came fast by the clock and stands still since,
+        # or a reset made it of something large
         ("made", "f", (y,)),
         ("terms", "f", (z.modes, z.width)),  # the size of what each derivative is made of
         ("felt", "f", (z.modes, z.width)),  # … for states of this size, −1 if never
