@@ -660,3 +660,31 @@ def test_a_start_on_a_sign_that_both_flows_push_to_is_said():
         for mode in ("above", "below"):
             run = simulate(system, 1.0, mode=mode, backend="plain")
             assert run.ended == Ended.LOOP and "jumps there" in run.stopped
+
+
+# ---------------------------------------------------------------- late on the clock
+
+FORCES = {  # (flow, its integral)
+    "sine": (lambda t, s, p: (math.sin(t),), lambda t: -math.cos(t)),
+    "fast": (lambda t, s, p: (10 * math.cos(10 * t),), lambda t: math.sin(10 * t)),
+    "time": (lambda t, s, p: (t,), None),
+    "slow": (lambda t, s, p: (1e-6 * math.sin(t),), lambda t: -1e-6 * math.cos(t)),
+}
+
+
+@pytest.mark.parametrize("name", FORCES)
+@pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau", "LSODA"])
+def test_a_state_from_zero_is_known_as_well_as_a_late_clock_lets_it(method, name):
+    """Its size is nothing to begin with, and so was its tolerance: "diverged", or "no step is short
+    enough".
+    """
+    flow, whole = FORCES[name]
+    system = System("forced", {"x": ""}, {}, [Mode("m", flow)], [], start={"x": 0.0})
+    for t0 in (1e3, 1e6, 1e8):
+        for rtol in (1e-6, 1e-9, 1e-12):
+            run = simulate(system, t0 + 7, t0=t0, method=method, rtol=rtol, backend="plain")
+            assert run.stopped == "finished", (t0, rtol, run.stopped)
+            exact = 3.5 * (2 * t0 + 7) if whole is None else whole(t0 + 7) - whole(t0)
+            size = 7 * t0 if whole is None else 1e-6 if name == "slow" else 1.0
+            off = abs(run.final["x"] - exact) / size
+            assert off < 3000 * rtol + 1000 * np.spacing(t0), (t0, rtol, off)

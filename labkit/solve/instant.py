@@ -6,7 +6,7 @@ crossing is used once; `sides` says who waits.
 """
 
 from .layout import *
-from .sides import CLEAR, TICKS, know_flow, leaves, shaken, sides
+from .sides import CLEAR, TICKS, know_flow, leaves, shaken, sides, straight
 from .sliding import back_to_surface, begin_sliding, guard_place, mixing, rates
 from .step import sized
 
@@ -235,9 +235,14 @@ def stop_sliding(model, w, p, mode):
     guards(model, mode, w.f[T], w.y, p, w.g_probe)
     w.slack[back + 2] = abs(w.g_probe[place])  # it is on the surface, whatever the value
     status = sides(model, w, p, ENTERED, back)
-    w.wait[back + 2] = 0
-    if w.directed[back] == 1:
-        w.side[back + 2] = -1
+    w.wait[back + 2], w.side[back + 2] = 0, -1
+    if w.directed[back] == 0:  # the other flow pushed to the side on which this mode lives
+        other = i[SLIDE_B] if mode == i[SLIDE_A] else i[SLIDE_A]
+        flow(model, other, w.f[T], w.y, p, w.ahead[1])
+        i[FLOWS] += 1
+        straight(model, w, p, mode, n, w.f[T], w.y, w.ahead[1], w.f[PROBE], w.g_away)
+        if w.g_away[place] > 0.0:
+            w.side[back + 2] = 1
     return status
 
 

@@ -22,6 +22,7 @@ SHAKE = 1.4551915228366852e-11  # 2⁻³⁶: guards may bend nearby, and 1e6 s a
 DOUBT = 64.0  # roundings: what a guard's terms are off by after some steps
 TICKS = 32.0  # the same of the clock
 STEEP = 1024.0  # a guard that is so many times off where it was located is as good as a jump
+STRAY = 100.0  # tolerances: what a state may be off by after many steps
 CLEAR = 16.0  # a guard is clear of zero at so many times its doubt; what moves less is not resolved
 
 
@@ -295,7 +296,8 @@ def leaps(model, w, p, mode, n, t, k, swing, last):
     if w.i[SLIDING] == 1:
         return -1
     know_flow(model, w, p)
-    e, least = soonest(w, t), 2e-8 * swing * last
+    rounding = DOUBT * EPS * gauge(model, w, p, mode, n, t, w.y, k, w.g[k], 0)
+    e, least = soonest(w, t), max(2e-8 * swing * last, 4.0 * rounding)
     straight(model, w, p, mode, n, t, w.y, w.k[0], e, w.g_away)
     near = abs(w.g_away[k])
     if near > least:
@@ -397,6 +399,13 @@ def side_of(model, w, p, how, k, tick):
             clear = False
             w.slack[slot] = abs(value)
             band += 2.0 * abs(value)
+    beyond = clear and directed and q >= 0 and how == ENTERED and value > 0.0
+    if beyond and sent_back(model, w, p, q, mode, n, t) == 1:
+        # the error of the integration may have put it there; what the flow says next counts
+        if value <= STRAY * f[RTOL] * gauge(model, w, p, mode, n, t, w.y, k, value, 1):
+            clear = False
+            w.slack[slot] = value
+            band += 2.0 * value
     now = 1 if value > 0.0 else -1
     order = 1
     if not clear:
@@ -440,6 +449,11 @@ def sides(model, w, p, how, fired):
         if not isfinite(value):
             i[WHO] = max(q, 0)
             return GUARD_NAN
+        if how == ARRIVE and q < 0 and w.came[slot] == 1:
+            # An end of sliding was located beside the surface: on it, it may be still to come
+            if value < -doubt(model, w, p, mode, n, t, w.y, k, value):
+                w.came[slot], w.side[slot], w.flat[slot], w.slack[slot] = 0, -1, 0, 0.0
+                continue
         if how == ARRIVE and w.came[slot] == 1:  # just located: zero, whatever its value
             w.slack[slot] = abs(value)
             w.wait[slot] = 1
@@ -515,6 +529,29 @@ def left_before(w, q):
     """Does transition q leave the mode that the last event came from?"""
     before = int(w.ledger[w.i[LEDGER] - 1][3])
     return before >= 0 and w.source[q][before] == 1
+
+
+def sent_back(model, w, p, q, mode, n, t):
+    """Would transition q, on entering a mode, lead back to where the flow has just left, with the
+    state as it was but for errors (1)? Then that would be left again, and so on.
+    """
+    line = w.ledger[w.i[LEDGER] - 1]
+    target = w.target[q]
+    if target < 0 or target != line[3] or target == mode or w.family[target] != w.family[mode]:
+        return 0
+    if w.came[int(line[1]) + 2] != 2 or kept_state(w, n) == 0 or w.delay[w.i[LANE]][q] > 0.0:
+        return 0
+    after = w.y_look
+    reset(model, q, mode, t, w.y, p, after)
+    back = 1
+    for i in range(n):
+        if abs(after[i] - w.y[i]) > STRAY * w.f[RTOL] * max(w.most[i], abs(w.y[i])):
+            back = 0
+    for i in range(w.i[WIDTH], w.i[WIDTH] + w.i[HELD]):
+        if after[i] != w.y[i]:
+            back = 0
+        after[i] = w.y[i]
+    return back
 
 
 def acted_before(model, w, p, mode, n, t, k, q, band):

@@ -64,14 +64,15 @@ def allowed(w, mode, i, size, h):
     Without an `atol` of the user's the part that does not grow with the state is a hundredth of
     rtol times the largest size that a state of the same unit has had, or what the terms of its
     derivative move it by in this step; so no unit matters. Numbers without a unit count as 1 at
-    most. Never less than the rounding of the derivative.
+    most. Never less than the rounding of the derivative, by its terms and by the clock.
     """
     absolute = w.absolute[mode][i]
     if absolute < 0.0:
         kind = w.kind[mode][i]
         known = w.size_of[kind] if kind > 0 else min(w.size_of[kind], 1.0)
         moved = h * max(w.terms[mode][i], abs(w.k[0][i]))
-        absolute = 0.01 * w.f[RTOL] * (known + moved) + 8.0 * EPS * moved
+        clock = h * w.clocked[mode][i] * abs(w.f[T])
+        absolute = 0.01 * w.f[RTOL] * (known + moved) + 8.0 * EPS * (moved + clock)
     if w.i[SLIDING] == 1:  # λ is made of differences
         absolute += w.f[MIXED] * h * abs(w.rate_a[i] - w.rate_b[i])
     return max(absolute + w.f[RTOL] * size, 1e-300)
@@ -183,20 +184,24 @@ def evaluate(w, n, theta, out):
 
 
 def feel(model, w, p, mode, n, t):
-    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; anew where a state
-    has grown eightfold.
+    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; w.clocked[mode]:
+    |∂f/∂t|. Anew where a state has grown eightfold.
 
     yⱼ is the largest size so far; w.k[0] is the flow.
     """
-    terms, felt = w.terms[mode], w.felt[mode]
+    terms, felt, clocked = w.terms[mode], w.felt[mode], w.clocked[mode]
     larger = False
     for j in range(n):
         if w.most[j] > 8.0 * felt[j]:
             larger = True
     if not larger:
         return
+    e = max(1e-6 * w.f[H], 1e3 * EPS * abs(t))
+    rates(model, w, mode, n, t + e, w.y, p, w.err[0])
+    w.i[FLOWS] += 1
     for i in range(n):
-        w.y_try[i], terms[i] = w.y[i], 0.0
+        later = abs(w.err[0][i] - w.k[0][i]) / e
+        w.y_try[i], terms[i], clocked[i] = w.y[i], 0.0, later if isfinite(later) else 0.0
     for j in range(n):
         felt[j] = w.most[j]
         if w.most[j] != 0.0:

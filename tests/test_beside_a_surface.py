@@ -1,0 +1,181 @@
+"""Where the error of the integration leaves a state beside the surface on which it is: the ends of
+sliding, and modes that would send each other back at once. By exact answers.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from labkit import Mode, System, Transition, simulate
+
+WAYS = [
+    *((m, b, r) for m in ("RK45", "DOP853") for b in ("plain", "compiled") for r in (1e-4, 1e-8)),
+    ("RK4", "plain", 1e-8),
+    *(("Radau", "plain", r) for r in (1e-4, 1e-6)),
+    ("LSODA", "plain", 1e-8),
+    ("BDF", "plain", 1e-10),
+]
+ways = pytest.mark.parametrize(("method", "backend", "rtol"), WAYS)
+
+
+def ledger(run):
+    assert run.stopped == "finished"
+    return [e.transition for e in run.events], np.array([e.t for e in run.events])
+
+
+# ---------------------------------------------------------------- a heater that follows a wave
+
+
+def heater(direction: int) -> System:
+    """T follows a set point 20 + A·sin 0.3t; where that falls faster than the room cools, it
+    leaves.
+    """
+
+    def above(t, s, p):
+        return s.T - 20 - p.A * math.sin(0.3 * t)
+
+    return System(
+        "following heater",
+        {"T": "K"},
+        {"A": 1.5},
+        [
+            Mode("on", lambda t, s, p: (-0.02 * (s.T - 5) + 1.1,)),
+            Mode("off", lambda t, s, p: (-0.02 * (s.T - 5),)),
+        ],
+        [
+            Transition("on", "off", guard=above, direction=direction, label="off"),
+            Transition("off", "on", guard=above, direction=-direction, label="on"),
+        ],
+        start={"T": 19.0},
+    )
+
+
+def follows(A: float) -> list[float]:
+    """When it comes to the set point, leaves it, and comes again."""
+
+    def wave(t):
+        return 20 + A * math.sin(0.3 * t)
+
+    def push(t):
+        return -0.02 * (wave(t) - 5) - 0.3 * A * math.cos(0.3 * t)
+
+    first = brentq(lambda t: 60 - 41 * math.exp(-0.02 * t) - wave(t), 0, 5, xtol=1e-14)
+    leaves = brentq(push, math.pi / 0.6, math.pi / 0.3, xtol=1e-14)
+    cold = wave(leaves) - 5
+    again = brentq(
+        lambda t: 5 + cold * math.exp(-0.02 * (t - leaves)) - wave(t),
+        leaves + 1, leaves + 13, xtol=1e-14,
+    )  # fmt: skip
+    return [first, leaves, again]
+
+
+@ways
+@pytest.mark.parametrize("direction", [1, 0])
+def test_sliding_ends_where_the_push_ends_and_not_beside_it(method, backend, rtol, direction):
+    """Located 8e-5 s early, a guard without direction took the dip to come for a crossing, and
+    heated for ever.
+    """
+    for A in (1.2, 1.5, 1.8, 2.1):
+        first, leaves, again = follows(A)
+        for t_end in (again - 2, again + 1, 0.5 * (leaves + again)):
+            run = simulate(
+                heater(direction), t_end, A=A, method=method, rtol=rtol, backend=backend, step=0.02
+            )
+            names, times = ledger(run)
+            right = (
+                [first, first, leaves, again, again] if t_end > again else [first, first, leaves]
+            )
+            assert len(names) == len(right), (A, t_end, names, times)
+            assert np.abs(times - right).max() < max(3e3 * rtol, 1e-6), (A, times - right)
+            assert run.mode[-1] == ("off" if t_end < again else run.mode[-1])
+
+
+# ---------------------------------------------------------------- back at once
+
+
+def rectifier() -> System:
+    """v follows the source 12.3·sin ωt while the diode conducts, and falls by itself until the
+    source is above it. v is integrated: it is the source but for the method's error.
+    """
+    return System(
+        "half-wave rectifier",
+        {"v": "V"},
+        {"V": 12.3, "w": 100 * math.pi, "R": 1e3, "C": 22e-6},
+        [
+            Mode("on", lambda t, s, p: (p.V * p.w * math.cos(p.w * t),)),
+            Mode("off", lambda t, s, p: (-s.v / (p.R * p.C),)),
+        ],
+        [
+            Transition(
+                "on", "off", label="off", direction=-1,
+                guard=lambda t, s, p: p.C * p.V * p.w * math.cos(p.w * t) + s.v / p.R,
+            ),
+            Transition(
+                "off", "on", label="on", direction=1,
+                guard=lambda t, s, p: p.V * math.sin(p.w * t) - s.v,
+            ),
+        ],
+        start={"v": 0.0},
+    )  # fmt: skip
+
+
+@ways
+def test_a_diode_opens_once_and_closes_once(method, backend, rtol):
+    """Two modes without a jump between them: an error of 1e-9 V sent each back to the other."""
+    V, w, RC, period = 12.3, 100 * math.pi, 0.022, 0.02
+    opens = (math.pi - math.atan(w * RC)) / w
+    level = V * math.sin(w * opens)
+    closes = brentq(
+        lambda t: V * math.sin(w * t) - level * math.exp(-(t - opens) / RC), 0.02, 0.025, xtol=1e-16
+    )
+    right = [t + k * period for k in range(5) for t in (opens, closes)][:9]
+    run = simulate(rectifier(), 0.1, method=method, rtol=rtol, backend=backend, step=5e-5)
+    names, times = ledger(run)
+    assert names == ["off", "on"] * 4 + ["off"]
+    assert np.abs(times - right).max() < max(30 * rtol, 1e-9) * period
+
+
+def rider() -> System:
+    """A body on a shaken table: it lifts off where the table falls faster than it would."""
+    return System(
+        "body on a shaken table",
+        {"y": "m", "v": "m/s"},
+        {"A": 0.03, "w": 25.0},
+        [
+            Mode(
+                "on",
+                lambda t, s, p: (p.A * p.w * math.cos(p.w * t), -p.A * p.w**2 * math.sin(p.w * t)),
+            ),
+            Mode("off", lambda t, s, p: (s.v, -9.81)),
+        ],
+        [
+            Transition(
+                "on", "off", label="lift", direction=1,
+                guard=lambda t, s, p: p.A * p.w**2 * math.sin(p.w * t) - 9.81,
+            ),
+            Transition(
+                "off", "on", label="land", direction=-1,
+                guard=lambda t, s, p: s.y - p.A * math.sin(p.w * t),
+                reset=lambda t, s, p: (p.A * math.sin(p.w * t), p.A * p.w * math.cos(p.w * t)),
+            ),
+        ],
+        start={"y": 0.0, "v": 0.75},
+    )  # fmt: skip
+
+
+@ways
+def test_a_body_lifts_off_once_by_its_third_derivative(method, backend, rtol):
+    A, w, g = 0.03, 25.0, 9.81
+    lift = math.asin(g / (A * w * w)) / w
+    y, v = A * math.sin(w * lift), A * w * math.cos(w * lift)
+    land = brentq(
+        lambda t: y + v * (t - lift) - g / 2 * (t - lift) ** 2 - A * math.sin(w * t),
+        lift + 0.05, lift + 0.24, xtol=1e-15,
+    )  # fmt: skip
+    right = [t + k * 2 * math.pi / w for k in range(4) for t in (lift, land)]
+    run = simulate(rider(), 1.0, method=method, rtol=rtol, backend=backend, step=5e-4)
+    names, times = ledger(run)
+    assert names == ["lift", "land"] * 4
+    assert np.abs(times - right).max() < max(30 * rtol, 1e-8)
