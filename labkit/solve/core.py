@@ -157,6 +157,13 @@ def given_up(w):
     return STEPS_OUT
 
 
+def no_further(model, w, p, status):
+    """No step is short enough: an instant, where the flow ends on a surface; else why it ends."""
+    if w.i[LOCATE] == 1 and at_edge(model, w, p) == 1:
+        return arrive(model, w, p)
+    return status
+
+
 def advance(model, w, p, budget):
     """Go on for up to `budget` steps.
 
@@ -202,13 +209,19 @@ def advance(model, w, p, budget):
         if i[ADAPTIVE] == 2:
             h = external_step(model, w, p, t, h)
             if h <= 0.0:
-                return UNDERFLOW
+                status = no_further(model, w, p, UNDERFLOW)
+                if status != PAUSE:
+                    return status
+                continue
             snapped = t + h >= limit - least
             f[H] = max(f[H], h) if snapped else h
             i[KNOWN] = 0
         else:
             if h <= 0.0:
-                return UNDERFLOW
+                status = no_further(model, w, p, UNDERFLOW)
+                if status != PAUSE:
+                    return status
+                continue
             error = explicit_step(model, w, p, mode, n, t, h)
             order = i[ORDER]
             if not error < 1.0:  # also when it is NaN
@@ -217,7 +230,10 @@ def advance(model, w, p, budget):
                 shrink = max(0.2, 0.9 * error ** (-1.0 / order)) if error < 1e290 else 0.1
                 refused(w, h, shrink)
                 if f[H] < least or f[H] < 1e-290:
-                    return HIDDEN_JUMP if jumps_here(w, n) == 1 and error < 1e290 else UNDERFLOW
+                    jump = jumps_here(w, n) == 1 and error < 1e290
+                    status = no_further(model, w, p, HIDDEN_JUMP if jump else UNDERFLOW)
+                    if status != PAUSE:
+                        return status
                 continue
             if i[ADAPTIVE] == 1:
                 factor = 10.0 if error == 0.0 else min(10.0, 0.9 * error ** (-1.0 / order))
@@ -260,7 +276,9 @@ def advance(model, w, p, budget):
             i[FRESH], i[KNOWN] = 1, 0
             i[WHO] = max(watched(w, mode, k), 0)
             if f[H] < least or f[H] < 1e-290 or i[ADAPTIVE] != 1:
-                return GUARD_NAN
+                status = no_further(model, w, p, GUARD_NAN)
+                if status != PAUSE:
+                    return status
             continue
         accepted(w, mode, n, t, h)
         if k >= 0:
@@ -278,6 +296,9 @@ def advance(model, w, p, budget):
                 w.moved[q] = w.y_new[q] - w.y[q]
                 if w.moved[q] != 0.0:
                     w.y[q], w.made[q] = w.y_new[q], 0.0
+            if i[ADAPTIVE] == 0:
+                for q in range(n):
+                    w.lost[q] = w.err[0][q] if k < 0 else 0.0
             f[T], f[BEFORE] = end, t
             i[ENTRY] = 0
             if i[SLIDING] == 1:

@@ -284,7 +284,7 @@ def fire(model, w, p, q):
     for k in range(size):  # a state that has jumped has the size that it has now
         if not same or abs(w.y_new[k] - w.y[k]) > 0.5 * w.most[k]:
             w.most[k] = 0.0
-        w.y[k] = w.y_new[k]
+        w.y[k], w.lost[k] = w.y_new[k], 0.0
     for k in range(i[WIDTH], i[WIDTH] + i[HELD]):
         if w.y_new[k] != w.y[k]:  # guards may have another size now
             for slot in range(i[TRANSITIONS] + 2):

@@ -138,6 +138,7 @@ def workspace(z):
         ("y_new", "f", (y,)),
         ("y_try", "f", (y,)),
         ("zero", "f", (z.width,)),
+        ("lost", "f", (z.width,)),  # what the last step of fixed length has rounded off
         ("k", "f", (z.rows, z.width)),
         ("err", "f", (2, z.width)),
         ("term", "f", (z.degree, z.width)),

@@ -520,6 +520,30 @@ def sides(model, w, p, how, fired):
     return PAUSE
 
 
+def at_edge(model, w, p):
+    """No step is possible beyond here: is that the surface of a guard, √h as a tank runs dry (1)?
+
+    Guards that go towards zero, and are as near as the clock or the tolerance can tell, have
+    crossed (w.came).
+    """
+    i, found = w.i, 0
+    mode, t = i[MODE], w.f[T]
+    n = w.size[mode]
+    w.f[H] = max(w.f[H], w.f[RECENT])  # so far the model is looked at
+    i[KNOWN], i[AHEAD] = 0, 0
+    watch(model, w, mode, n, t, w.y, p, w.g)
+    i[GUARDS] += 1
+    for k in range(watch_count(w, mode)):
+        q = watched(w, mode, k)
+        slot, value = q + 2, w.g[k]
+        side, slope = w.side[slot], slope_ahead(model, w, p, mode, n, t, k)
+        if slope * side < 0.0 and (side < 0 or q >= 0 and w.directed[q] == 0):
+            near = w.f[RTOL] * gauge(model, w, p, mode, n, t, w.y, k, value, 1)
+            if abs(value) <= max(near, 2.0 * soonest(w, t) * abs(slope)):
+                w.came[slot], w.side[slot], found = 1, -side, 1
+    return found
+
+
 def leaves(w, q, mode):
     """Does transition q leave the mode, or one of the two while sliding?"""
     return w.source[q][mode] == 1 or w.i[SLIDING] == 1 and w.source[q][w.i[SLIDE_B]] == 1

@@ -28,13 +28,13 @@ def start_of(
     The mode is given, or the system's, or chosen by the system's function.
     """
     system, t0 = options.system, options.t0
-    mode = mode or system.mode
+    mode = system.mode if mode is None else mode
     if callable(mode):
         s = system.S[next(iter(system.modes))]
         values = {name: number(start.get(name, np.nan), f"start of {name!r}") for name in s._fields}
         try:
             mode = mode(t0, s(**values), p)
-        except (ArithmeticError, ValueError) as error:
+        except Exception as error:
             raise _said(error, "the start mode") from error
     if mode not in system.modes:
         raise ModelError(
@@ -105,7 +105,8 @@ def starts_of(
                 else f"start of {key!r} must be finite, not {value}"
             )
     first = {key: float(np.ravel(value)[0]) for key, value in start.items()}
-    if not callable(mode or system.mode) and not _surfaces(system, mode or system.mode):
+    mode = system.mode if mode is None else mode
+    if not callable(mode) and not _surfaces(system, mode):
         _, name = start_of(settings.options, first, mode, ())
         for key, place in system.places(name).items():
             begin[:, place] = start[key]

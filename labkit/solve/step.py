@@ -95,7 +95,14 @@ def explicit_step(model, w, p, mode, n, t, h):
         if stage < unseen:
             for i in range(n):
                 every += k[stage][i]
-    combine(n, a_from[stages], a_from[stages + 1], a_column, a_value, k, h, y, y_new)
+    if w.i[ADAPTIVE] == 0:  # many steps: what each rounds off is kept for the next one (Kahan 1965)
+        combine(n, a_from[stages], a_from[stages + 1], a_column, a_value, k, h, w.zero, err[0])
+        for i in range(n):
+            step = err[0][i] + w.lost[i]
+            y_new[i] = y[i] + step
+            err[0][i] = step - (y_new[i] - y[i])
+    else:
+        combine(n, a_from[stages], a_from[stages + 1], a_column, a_value, k, h, y, y_new)
     rates(model, w, mode, n, t + h, y_new, p, k[stages])
     w.i[FLOWS] += stages
     if not isfinite(every):  # the error tells of the other stages
