@@ -333,17 +333,16 @@ def made_of(w, n, same):
 
 
 def stands_still(model, w, p, n):
-    """After an event: a state that came fast and stands still from here on (more or less) is known
-    as well as the clock was when it came.
+    """After an event: a state that came fast and stands still from here on is known as well as the
+    clock was when it came, to some ticks.
     """
     i, t, span = w.i, w.f[T], w.f[T] - w.f[BEFORE]
     if t != 0.0 and span > 0.0:
         know_flow(model, w, p)
         for k in range(n):
             rate, size = abs(w.moved[k]) / span, max(abs(w.y[k]), w.made[k])
-            stands = size > 0.0 and rate > 8.0 * abs(w.k[0][k])
-            if stands and rate * abs(t) > 8.0 * size:
-                w.made[k], i[MADE] = rate * abs(t), 1
+            if size > 0.0 and 1e-4 * rate > abs(w.k[0][k]) and 0.125 * rate * abs(t) > size:
+                w.made[k], i[MADE] = 0.125 * rate * abs(t), 1
     if i[MADE] == 1:
         for slot in range(i[TRANSITIONS] + 2):
             w.scale[slot] = 0.0
