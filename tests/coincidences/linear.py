@@ -49,6 +49,7 @@ SCHEDULES = (Every("period", "first"), At("one", "two"), At("three"))
 NUMBERS = [f"{k}{m}" for m in range(MODES) for k in "uw"]
 NUMBERS += [f"{k}{i}" for i in range(GUARDS) for k in "abcd"]
 NUMBERS += [f"{k}{i}" for i in range(GUARDS + CLOCKS) for k in ("kx", "hx", "ky", "hy")]
+NUMBERS += [f"delay{i}" for i in range(GUARDS)]
 NUMBERS += ["period", "first", "one", "two", "three"]
 
 
@@ -84,7 +85,7 @@ class Case:
                     reset=JUMPS[i] if edge.jump else None,
                     priority=edge.priority,
                     urgent=edge.urgent,
-                    delay=float(edge.delay),
+                    delay=f"delay{i}" if edge.delay else 0.0,
                     label=f"e{i}",
                 )
                 for i, edge in enumerate(self.edges)
@@ -106,6 +107,7 @@ class Case:
                 values |= {f"a{i}": float(g.a) * k / x, f"b{i}": float(g.b) * k / y}
                 values |= {f"c{i}": float(g.c) * k / s}
                 values[f"d{i}"] = float(g.d) * k + values[f"c{i}"] * t0
+                values[f"delay{i}"] = float(edge.delay) * s
             if edge.jump:
                 j = edge.jump
                 values |= {f"kx{i}": float(j.kx), f"hx{i}": float(j.hx) * x}
@@ -204,10 +206,8 @@ def draw_instants(random, which: int, places) -> tuple[Fraction, ...]:
 
 
 def in_units(case: Case, random) -> Case:
-    """The case in other units and later; dead times, numbers in its transitions, stay in 1."""
+    """The case in other units and later."""
     x, y, s = (random.choice(UNITS) for _ in range(3))
-    if any(edge.delay for edge in case.edges):
-        s = 1.0
     sizes = tuple(random.choice((1.0, 0.1, 3.3, 1e-8 / 3, 1e9 / 7)) for _ in range(GUARDS))
     t0 = random.choice((0.0, 0.0, 1e3, 1e5 / 3))
     return replace(case, units=(x, y, s), sizes=sizes, t0=t0)
