@@ -2,6 +2,7 @@
 `coincidences` (many of them: `python -m tests.coincidences 10000`), and examples by name.
 """
 
+import itertools
 import random
 from fractions import Fraction
 from importlib import import_module
@@ -427,6 +428,75 @@ def test_a_count_at_a_seam_belongs_to_the_run_that_ends_there(backend, reset):
         {"y": 0.0, "v": -1.0},
     )
     assert [e.t for e in simulate(ball, 6.0, t0=5.0, backend=backend).events] == [5.0]
+
+
+def stopping(transitions, start=0.0, u=0.0):
+    """x' = u in A, 0 in B."""
+    modes = [Mode("A", lambda t, s, p: (p.u,)), Mode("B", lambda t, s, p: (0.0,))]
+    return System(
+        "stopping", {"x": ""}, {"u": u, "L": 0.0, "when": 1.0}, modes, transitions, {"x": start}
+    )
+
+
+@both
+def test_what_resets_make_small_has_the_rounding_of_what_they_made_it_of(backend):
+    """-0.3 + 0.1 + 0.2 is 2.8e-17, and no further above zero than -0.3 is known."""
+    found = 0
+    for one, two in itertools.product(np.arange(0.1, 1.0, 0.1).round(1), repeat=2):
+        start = -round(one + two, 1)
+        left = start + one + two
+        found += left > 0
+        system = stopping(
+            [
+                Transition("B", "B", at=At(1.0), reset={"x": lambda t, s, p, one=one: s.x + one}),
+                Transition("B", "B", at=At(2.0), reset={"x": lambda t, s, p, two=two: s.x + two}),
+                Transition("B", "A", guard=lambda t, s, p: s.x, direction=1, urgent=True),
+            ],
+            start,
+        )
+        run = simulate(system, 3.0, mode="B", backend="plain" if left == 0 else backend)
+        assert [e.t for e in run.events] == [1, 2], (one, two, left)
+        if found > 6:
+            return
+    raise AssertionError("nothing was tried")
+
+
+@both
+@pytest.mark.parametrize("urgent", [None, True])
+def test_what_stands_still_is_known_as_well_as_the_clock_was(backend, urgent):
+    """x has come to L late on the clock, up to the clock's rounding, and stands there."""
+    system = stopping(
+        [
+            Transition("A", "B", at=At("when")),
+            Transition("B", "A", guard=lambda t, s, p: s.x - p.L, direction=1, urgent=urgent),
+        ]
+    )
+    beyond = 0
+    for t0, u, time in itertools.product((1e3, 1e5 / 3), (98.1, -0.7, 3.3e5), (0.2, 1.3, 0.7)):
+        L = u * time
+        run = simulate(system, t0 + 2, t0=t0, u=u, L=L, when=t0 + time, backend=backend)
+        assert [e.index for e in run.events] == [0], (t0, u, time, run.final["x"] - L)
+        beyond += run.final["x"] > L
+    assert beyond > 2
+
+
+@both
+def test_a_mode_of_no_duration_leads_nowhere(backend):
+    """x reaches 1 upwards in A, passes through B, where it would fall, and goes on upwards in A: a
+    guard without direction that A alone has was not crossed against the arrival.
+    """
+    modes = [Mode("A", lambda t, s, p: (1.0,)), Mode("B", lambda t, s, p: (-1.0,))]
+    system = System(
+        "passing", {"x": ""}, {}, modes,
+        [
+            Transition("A", "A", guard=lambda t, s, p: s.x - 1),
+            Transition("A", "B", at=At(1.0), priority=1),
+            Transition("B", "A", at=At(1.0, 7.0)),
+        ],
+        {"x": 0.0},
+    )  # fmt: skip
+    run = simulate(system, 2.0, backend=backend)
+    assert [e.index for e in run.events] == [1, 2]
 
 
 # ---------------------------------------------------------------- the reference itself
