@@ -280,24 +280,27 @@ def fire(model, w, p, q):
     size = w.size[target]
     reset(model, q, mode, w.f[T], w.y, p, w.y_new)
     same = w.family[mode] == w.family[target]
-    made_of(w, size, same)
-    for k in range(size):  # a state that has jumped has the size that it has now
-        if not same or abs(w.y_new[k] - w.y[k]) > 0.5 * w.most[k]:
-            w.most[k] = 0.0
-        w.y[k], w.lost[k] = w.y_new[k], 0.0
+    for k in range(size):
+        before, after = w.y[k], w.y_new[k]
+        if not same:
+            w.y[k], w.most[k], w.moved[k], w.lost[k], w.made[k] = after, 0.0, 0.0, 0.0, 0.0
+        elif after != before:
+            if abs(after - before) > 0.5 * w.most[k]:
+                w.most[k] = 0.0  # it has the size that it has now
+            w.y[k], w.lost[k] = after, 0.0
+            make(w, k, before)
     for k in range(i[WIDTH], i[WIDTH] + i[HELD]):
-        if w.y_new[k] != w.y[k]:  # guards may have another size now
+        before = w.y[k]
+        if w.y_new[k] != before:  # guards may have another size now
             for slot in range(i[TRANSITIONS] + 2):
                 w.scale[slot], w.swing[slot], w.grain[slot], w.grains[slot] = 0.0, 0.0, 0.0, 0
-        w.y[k] = w.y_new[k]
+            w.y[k] = w.y_new[k]
+            make(w, k, before)
     carry(w)
     sized(w, target, size)
     enter(model, w, p, target, target, size)
     if same:
         stands_still(model, w, p, size)
-    else:
-        for k in range(size):
-            w.moved[k] = 0.0
     own = q if i[KIND] == CROSSED or mode != target else -9
     status = sides(model, w, p, JUMPED_TO if mode == target else ENTERED, own)
     if status != PAUSE and status != CONTACT:
@@ -314,22 +317,12 @@ def fire(model, w, p, q):
     return status
 
 
-def made_of(w, n, same):
-    """The size whose rounding each state has after the reset in w.y_new; it counts until the flow
-    moves the state. same: the states are those of before.
-    """
-    i, some = w.i, 0
-    for place in range(n + i[HELD]):
-        k = place if place < n else i[WIDTH] + place - n
-        before, after = w.y[k], w.y_new[k]
-        if (place < n and not same) or after == 0.0:
-            w.made[k] = 0.0
-        elif after != before:
-            size = max(abs(before), w.made[k])
-            w.made[k] = size if abs(after) < 0.125 * size else 0.0
-        if w.made[k] > 0.0:
-            some = 1
-    i[MADE] = some
+def make(w, k, before):
+    """A reset has changed a state: what it makes small has the rounding of what it was before."""
+    size, after = max(abs(before), w.made[k]), abs(w.y[k])
+    w.made[k] = 0.0
+    if 0.0 < after < 0.125 * size:
+        w.made[k], w.i[MADE] = size, 1
 
 
 def stands_still(model, w, p, n):
@@ -337,12 +330,12 @@ def stands_still(model, w, p, n):
     clock was when it came, to some ticks.
     """
     i, t, span = w.i, w.f[T], w.f[T] - w.f[BEFORE]
-    if t != 0.0 and span > 0.0:
-        know_flow(model, w, p)
-        for k in range(n):
-            rate, size = abs(w.moved[k]) / span, max(abs(w.y[k]), w.made[k])
-            if size > 0.0 and 1e-4 * rate > abs(w.k[0][k]) and 0.125 * rate * abs(t) > size:
-                w.made[k], i[MADE] = 0.125 * rate * abs(t), 1
+    know_flow(model, w, p)
+    for k in range(n):
+        if abs(w.moved[k]) > 1e4 * span * abs(w.k[0][k]) and span > 0.0:
+            size, clock = max(abs(w.y[k]), w.made[k]), 0.125 * abs(t * w.moved[k]) / span
+            if 0.0 < size < clock:
+                w.made[k], i[MADE] = clock, 1
     if i[MADE] == 1:
         for slot in range(i[TRANSITIONS] + 2):
             w.scale[slot] = 0.0

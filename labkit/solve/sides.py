@@ -193,17 +193,32 @@ def slope_ahead(model, w, p, mode, n, t, k):
     return w.g_ahead[k] / e
 
 
+def slope_behind(model, w, p, mode, n, t, k):
+    """|dg/dt| of the k-th guard with the rates of the last step."""
+    span = t - w.f[BEFORE]
+    if not span > 0.0:
+        return 0.0
+    for i in range(n):
+        w.ahead[1][i] = w.moved[i] / span
+    e = nearby(w, t)
+    straight(model, w, p, mode, n, t, w.y, w.ahead[1], e, w.g_away)
+    return abs(w.g_away[k]) / e
+
+
 def steepest(model, w, p, n, slot):
-    """A bound of a guard's |dg/dt|, without asking it: its terms change as fast as their states,
-    sixteen times at most.
+    """A bound of a guard's |dg/dt|, here and in the last step, without asking it: its terms change
+    as fast as their states, sixteen times at most.
     """
     know_flow(model, w, p)
     then = w.scale_y[slot]
     if then[w.i[WIDTH]] == 0.0:
         return 1e300
     fastest = 1.0 / then[w.i[WIDTH]]
+    span = w.f[T] - w.f[BEFORE]
     for i in range(n):
         rate = abs(w.k[0][i])
+        if span > 0.0:
+            rate = max(rate, abs(w.moved[i]) / span)
         if rate > fastest * then[i]:
             if then[i] == 0.0:
                 return 1e300
@@ -391,6 +406,8 @@ def side_of(model, w, p, how, k, tick):
         reach = tick * steep
         if abs(value) <= reach:
             reach = tick * abs(slope_ahead(model, w, p, mode, n, t, k))
+            if abs(value) > reach and how != ARRIVE:  # the clock that it came by
+                reach = tick * slope_behind(model, w, p, mode, n, t, k)
         if how == START and tick > 0.0:  # where its slope is zero, too
             know_flow(model, w, p)
             look(model, w, p, mode, n, t, tick, 2, w.g_look)
