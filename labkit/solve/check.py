@@ -70,7 +70,7 @@ def vector(values: object, what: str, names: tuple[str, ...], kind: str) -> obje
             f"return the {kind} of {', '.join(names)}, in this order"
         )
     for name, value in zip(names, values, strict=True):
-        if np.ndim(value) and np.shape(value) != (1,):
+        if np.ndim(value):
             raise ModelError(
                 f"{what} returns {value!r} for {name!r}: it must be one number, "
                 "and all of them stand in one tuple"
