@@ -38,7 +38,7 @@ def begin(model, w, p, lane):
         w.found[s] = -1
     for m in range(i[MODES]):
         for q in range(i[WIDTH]):
-            w.terms[m][q], w.clocked[m][q], w.felt[m][q] = 0.0, 0.0, -1.0
+            w.terms[m][q], w.ticks[m][q], w.felt[m][q] = 0.0, 0.0, -1.0
     mode = i[MODE]
     n = w.size[mode]
     for q in range(i[WIDTH] + i[HELD]):

@@ -151,7 +151,7 @@ def workspace(z):
         # or a reset made it of something large
         ("made", "f", (y,)),
         ("terms", "f", (z.modes, z.width)),  # the size of what each derivative is made of
-        ("clocked", "f", (z.modes, z.width)),  # how fast each changes by the time alone
+        ("ticks", "f", (z.modes, z.width)),  # what the clock's rounding does to it
         ("felt", "f", (z.modes, z.width)),  # … for states of this size, −1 if never
         # guards in a step, by their place among those looked at
         ("at_node", "f", (z.proxy + 3, z.guards + 2)),

@@ -71,8 +71,8 @@ def allowed(w, mode, i, size, h):
         kind = w.kind[mode][i]
         known = w.size_of[kind] if kind > 0 else min(w.size_of[kind], 1.0)
         moved = h * max(w.terms[mode][i], abs(w.k[0][i]))
-        clock = h * w.clocked[mode][i] * abs(w.f[T])
-        absolute = 0.01 * w.f[RTOL] * (known + moved) + 8.0 * EPS * (moved + clock)
+        rough = 8.0 * EPS * moved + h * w.ticks[mode][i]
+        absolute = 0.01 * w.f[RTOL] * (known + moved) + rough
     if w.i[SLIDING] == 1:  # λ is made of differences
         absolute += w.f[MIXED] * h * abs(w.rate_a[i] - w.rate_b[i])
     return max(absolute + w.f[RTOL] * size, 1e-300)
@@ -191,12 +191,12 @@ def evaluate(w, n, theta, out):
 
 
 def feel(model, w, p, mode, n, t):
-    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; w.clocked[mode]:
-    |∂f/∂t|. Anew where a state has grown eightfold.
+    """w.terms[mode]: the size of what each derivative is made of, Σ|∂f/∂yⱼ·yⱼ|; w.ticks[mode]: what
+    the clock's rounding does to it, by |∂f/∂t·t|. Anew where a state has grown eightfold.
 
     yⱼ is the largest size so far; w.k[0] is the flow.
     """
-    terms, felt, clocked = w.terms[mode], w.felt[mode], w.clocked[mode]
+    terms, felt, ticks = w.terms[mode], w.felt[mode], w.ticks[mode]
     larger = False
     for j in range(n):
         if w.most[j] > 8.0 * felt[j]:
@@ -207,8 +207,8 @@ def feel(model, w, p, mode, n, t):
     rates(model, w, mode, n, t + e, w.y, p, w.err[0])
     w.i[FLOWS] += 1
     for i in range(n):
-        later = abs(w.err[0][i] - w.k[0][i]) / e
-        w.y_try[i], terms[i], clocked[i] = w.y[i], 0.0, later if isfinite(later) else 0.0
+        change = 8.0 * EPS * abs((w.err[0][i] - w.k[0][i]) / e * t)
+        w.y_try[i], terms[i], ticks[i] = w.y[i], 0.0, change if isfinite(change) else 0.0
     for j in range(n):
         felt[j] = w.most[j]
         if w.most[j] != 0.0:
