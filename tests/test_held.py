@@ -95,7 +95,7 @@ def both(system):
         *[ctypes.POINTER(ctypes.c_double)] * 3,
     )
     code = backend.compiled(system, wait=True)
-    model, p_array = kind(code.model), (ctypes.c_double * len(p))(*p)
+    model, p_array = kind(code.model), (ctypes.c_double * (len(p) + 1))(*p)
 
     def slow(what, index, y):
         out = [0.0] * 4

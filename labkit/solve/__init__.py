@@ -297,7 +297,7 @@ def _gather(
         starts[:, 3], starts[:, 5:] = -1, states[~able]
         places = (ends - counts)[~able] - np.arange(len(starts))
         parts = [np.insert(np.concatenate(parts), places, starts, axis=0)]
-    backend = "plain" if batches[0].code is None else "compiled"
+    backend = "compiled" if all(batch.code for batch in batches) else "plain"
     return Runs(
         st.system,
         p,

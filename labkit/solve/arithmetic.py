@@ -19,7 +19,6 @@ import numpy as np
 from .kinds import (
     EXACT,
     FLOAT,
-    LARGE,
     OF_NUMPY,
     Const,
     Number,
@@ -136,8 +135,7 @@ class Arithmetic:
             self._own_rules(node, numpy)
         bound = None
         if whole:
-            for kind in (x, y) if digits else ():
-                self._every_digit(kind, node)
+            self._whole_as_float(node, left, right)
             bound = {
                 ast.Add: x.bound + y.bound,
                 ast.Sub: x.bound + y.bound,
@@ -146,9 +144,8 @@ class Arithmetic:
                 ast.FloorDiv: x.bound,
                 ast.Mod: y.bound,
             }[op]
-            self._not_larger(bound, node)
         kind = Number(bound is None or x.floating or y.floating, bound, numpy)
-        return f"({as_float(left)} {sign} {as_float(right)})", kind
+        return self.exact(node, f"({as_float(left)} {sign} {as_float(right)})", kind)
 
     def _power(self, node: ast.AST, left: Piece, right: Piece) -> Piece:
         self.fails = True
@@ -157,25 +154,34 @@ class Arithmetic:
         bound = None
         if x.bound is not None and y.bound is not None:
             self._own_rules(node, of_numpy(x, y))
+            self._whole_as_float(node, left, right)
             bound = 1.0 if x.bound <= 1 else _grown(x.bound, y.bound)
-            self._not_larger(bound, node)
         floating = x.floating or y.floating or exponent is None or exponent < 0 or bound is None
         kind = Number(floating, bound, of_numpy(x, y))
         if exponent == 2 and not kind.numpy:
-            return f"do_square({as_float(left)})", kind
+            return self.exact(node, f"do_square({as_float(left)})", kind)
         name = "do_numpy_power" if kind.numpy else "do_power"
-        return f"{name}({as_float(left)}, {as_float(right)})", kind
+        return self.exact(node, f"{name}({as_float(left)}, {as_float(right)})", kind)
 
-    def _not_larger(self, bound: float | None, node: ast.AST) -> None:
-        if bound is not None and bound > LARGE:
-            why = f"has whole numbers that may grow beyond 2**63, {short(node)}"
-            raise self.no(node, f"{why}: make one of them a float")
+    def exact(self, node: ast.AST, text: str, kind: Number) -> Piece:
+        """A number just made: what is whole, or may be, is looked at if a float may not hold it.
 
-    def _every_digit(self, kind: Number, node: ast.AST) -> None:
-        if kind.bound > EXACT:
-            raise self.no(
-                node, f"has whole numbers beyond 2**53 of which every digit counts: {short(node)}"
-            )
+        A whole zero has no sign.
+        """
+        if kind.bound is None or kind.bound <= EXACT:
+            return (text if kind.floating else f"({text} + 0.0)"), kind
+        self.fails = True
+        why = f"has whole numbers beyond 2**53, {short(node)}: make one of them a float"
+        place = self.program.place(str(self.no(node, why)))
+        name = "exact_if_whole" if kind.floating else "exact"
+        return f"{name}({text}, p, {place})", replace(kind, bound=EXACT)
+
+    def _whole_as_float(self, node: ast.AST, *pieces: Piece) -> None:
+        """Whole numbers that are reckoned with are ones which a float holds."""
+        for _, kind in pieces:
+            large = isinstance(kind, Number) and kind.bound is not None and kind.bound > EXACT
+            if large or isinstance(kind, Const) and not _held(kind.value):
+                raise self.no(node, f"has whole numbers beyond 2**53, {short(node)}")
 
     def _own_rules(self, node: ast.AST, numpy: bool | None) -> None:
         if numpy is not False:
@@ -188,6 +194,14 @@ def _array(kind: Any) -> bool:
     if isinstance(kind, Const):
         return isinstance(kind.value, np.ndarray)
     return isinstance(kind, Other) or isinstance(kind, Table) and kind.item.numpy
+
+
+def _held(value: Any) -> bool:
+    """Is the number one that a float holds?"""
+    try:
+        return not isinstance(value, int | np.int64) or float(value) == int(value)
+    except OverflowError:
+        return False
 
 
 def _grown(base: float, exponent: float) -> float:

@@ -409,9 +409,13 @@ def _make_model(program: Program) -> bytes:
 
 
 class Code:
-    """Compiled code of one system: run(address of a table of `addresses`) goes on with its runs."""
+    """Compiled code of one system: run(address of a table of `addresses`) goes on with its runs.
 
-    def __init__(self, core_function: Native, model_function: Native):
+    places: what is said of whole numbers that it cannot reckon with, by the number behind p, less 1
+    """
+
+    def __init__(self, core_function: Native, model_function: Native, places: list[str]):
+        self.places = places
         self._alive = core_function, model_function
         self.run = ctypes.CFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)(core_function[1])
         self.model = model_function[1]
@@ -527,7 +531,7 @@ def _prepare(system: System, state: _State) -> None:
         with _one_at_a_time:
             if state.code is None:
                 model = model or _made(state.key, _make_model(state.program))
-                state.code = Code(_core, model)
+                state.code = Code(_core, model, state.program.places)
     except Exception as error:
         state.fail(system, error)
 

@@ -6,6 +6,7 @@ samples(batch.out), batch.endings, batch.ledger(), …     the results
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from threading import Event as Flag
 from types import SimpleNamespace
@@ -43,6 +44,12 @@ class Batch:
 
     def __init__(self, settings: Settings, code: object, lanes: int):
         self.settings, self.code, self.lanes = settings, code, lanes
+        # behind a lane's parameters compiled code says what it cannot reckon with
+        self.p = np.zeros((lanes, len(settings.system.parameters) + 1))
+        self._allocate()
+
+    def _allocate(self) -> None:
+        lanes, settings = self.lanes, self.settings
         self.sizes = {
             **settings.sizes,
             "lanes": lanes,
@@ -50,7 +57,7 @@ class Batch:
             "pieces": 256 if settings.options.dense else 1,
         }
         self.sizes["out"] = lanes * (len(settings.options.grid) + 8) + 200
-        made, plain = [], code is None
+        made, plain = [], self.code is None
         for name, kind, shape in self._fields():
             if plain and name in OUTPUTS:  # rows are added as they are needed
                 made.append(_Rows(shape[1]))
@@ -62,7 +69,6 @@ class Batch:
             made.append(array.tolist() if plain else array)
         self.w = core.Workspace(*made)
         self.w.room[:] = [self.sizes[name] for name in OUTPUTS]
-        self.p = np.zeros((lanes, len(settings.system.parameters)))
         self.table: np.ndarray | None = None
 
     def _fields(self) -> tuple:
@@ -74,12 +80,13 @@ class Batch:
         """What the lanes begin with: p (lanes, parameters), start (lanes, length of a state),
         modes (lanes,) by place, clocks: further fields (lanes, …)."""
         w, st, plain = self.w, self.settings, self.code is None
-        self.p[:] = p
+        self.p[:, :-1], self.p[:, -1] = p, 0.0
+        self._loaded = p, start, modes, clocks
         if plain:
             self.model = Plain(st.system, orientations(st.system))
             if st.external:
                 self.model.stepper = SciPyStep(st, self.model, st.width)
-            self.p_lanes = [st.system.P(*values) for values in self.p.tolist()]
+            self.p_lanes = [*map(self._values, range(self.lanes))]
         for name, values in {"y0": start, "mode0": modes, **clocks}.items():
             getattr(w, name)[:] = values.tolist() if plain else values
         w.i[core.LANE] = w.i[core.BEGUN] = w.i[core.OUT] = 0
@@ -104,6 +111,13 @@ class Batch:
                 status = self._advance()
                 if status == core.GROW:
                     self._grow()
+            if place := int(self.p[lane, -1]):  # whole numbers that compiled code cannot hold
+                why = f"{self.settings.system.name!r} runs in plain Python, because "
+                warnings.warn(why + self.code.places[place - 1], stacklevel=2)
+                self.code = None
+                self._allocate()
+                self.load(*self._loaded)
+                return self.run(stop)
             self._keep(lane)
 
     def _advance(self) -> int:
@@ -115,6 +129,9 @@ class Batch:
             self.address = self.table.ctypes.data
         return self.code.run(self.address)
 
+    def _values(self, lane: int) -> tuple:
+        return self.settings.system.P(*self.p[lane, :-1].tolist())
+
     def _keep(self, lane: int) -> None:
         """What the next lane would overwrite."""
         w, st = self.w, self.settings
@@ -125,7 +142,7 @@ class Batch:
         elif status == core.FINISHED:
             self.endings.append(_FINISHED)
         else:
-            p = st.system.P(*self.p[lane].tolist())
+            p = self._values(lane)
             self.endings.append(ending(status, st, w, p))
         if count := done[core.EVENTS]:
             self._ledger.append(self._rows("ledger", count, copy=True))
@@ -151,7 +168,7 @@ class Batch:
     def _refused(self, lane: int) -> str:
         mode = int(self.w.mode0[lane])
         try:
-            p = self.settings.system.P(*self.p[lane].tolist())
+            p = self._values(lane)
             check_start(self.settings, self.w.y0[lane], mode, p)
         except ModelError as error:
             return str(error)

@@ -9,6 +9,7 @@ import math
 import sys
 import types
 from collections.abc import Callable, Hashable
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from .checked import CHECKED, OF_MATH
 from .expressions import Expressions
 from .kinds import (
     FLOAT,
-    MADE,
     NUMPYS_TRUTH,
     OF_NUMPY,
     TRUTH,
@@ -94,7 +94,7 @@ class Calls(Expressions):
             if function is math.log and count == 2:  # as Python computes it
                 one, two = (self._call(node, math.log, [piece], {}) for piece in pieces)
                 return self.binary(node, ast.Div, one, two)
-            if count == 1 and (found := self._of_one(function, pieces[0])):
+            if count == 1 and (found := self._of_one(node, function, pieces[0])):
                 return found
         if function in (min, max) and not named:
             return self._extreme(node, function, pieces)
@@ -102,14 +102,14 @@ class Calls(Expressions):
             return known(len(found))
         raise self.no(node, f"calls {_called(function)}, which is not compiled")
 
-    def _of_one(self, function: Callable, piece: Piece) -> Piece | None:
+    def _of_one(self, node: ast.AST, function: Callable, piece: Piece) -> Piece | None:
         """A function of Python's or of math's of one number."""
         kind, text = number(piece[1]), as_float(piece)
         if function in _ROUND:
             if not kind.floating:
                 return text, Number(False, kind.bound)
             self.fails = True
-            return f"{_ROUND[function]}({text})", Number(False, max(MADE, kind.bound or 0.0))
+            return self.exact(node, f"{_ROUND[function]}({text})", Number(False, inf))
         if function in _TRUTHS:
             return f"{self.program.name(function)}({text})", TRUTH
         if function in (float, np.float64):

@@ -35,12 +35,12 @@ def defect(model, w, p, mode, n, t, h, theta):
     evaluate(w, n, theta, w.y_try)
     rates(model, w, mode, n, t + theta * h, w.y_try, p, w.err[0])
     w.i[FLOWS] += 1
-    largest = 0.0
+    largest, poly, flow_there, degree = 0.0, w.poly, w.err[0], w.i[DEGREE]
     for q in range(n):
         slope = 0.0
-        for d in range(w.i[DEGREE], 0, -1):
-            slope = slope * theta + d * w.poly[d][q]
-        miss = abs(slope - h * w.err[0][q])
+        for d in range(degree, 0, -1):
+            slope = slope * theta + d * poly[d][q]
+        miss = abs(slope - h * flow_there[q])
         if miss > 0.0:
             size = max(abs(w.y[q]), abs(w.y_try[q]), abs(w.y_new[q]))
             largest = max(largest, miss / allowed(w, mode, q, size, h))

@@ -263,8 +263,7 @@ class Expressions(Arithmetic):
         elif None in kinds or any(sign[0].isalpha() for sign, _ in signs):
             raise self.no(node, f"compares what is not compiled: {short(node)}")
         else:
-            for kind in kinds:
-                self._not_larger(kind.bound, node)
+            self._whole_as_float(node, *pieces)
             pieces = [counted(piece) for piece in pieces]
             kind = replace(TRUTH, numpy=of_numpy(*kinds))
         first, *rest = (text for text, _ in pieces)
@@ -282,7 +281,9 @@ class Expressions(Arithmetic):
         if value is None or sign == "~" or value.truth and value.numpy is not False:
             raise self.no(node, f"is not compiled: {short(node)}")
         text = as_float(piece)
-        return f"({sign}{text})" if sign == "-" else text, value.counted()
+        if sign == "-":
+            text = f"(-{text})" if value.floating else f"(0.0 - {text})"  # a whole 0 has no sign
+        return text, value.counted()
 
     def _of_BinOp(self, node: ast.BinOp) -> Piece:
         return self.binary(node, type(node.op), self.visit(node.left), self.visit(node.right))

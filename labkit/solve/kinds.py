@@ -2,23 +2,18 @@
 
 Whole numbers are the reason. Python's have no end; a processor's wrap around at 2⁶³. In compiled
 code they are computed as floats, which is exact up to 2⁵³, and `bound` says how large they can
-become; where that is not known to be enough, the model runs in plain Python.
+become; where that may be more the code looks, and a run that meets a larger one is made again in
+plain Python.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Any
 
 import numpy as np
 
-# For //, % and the like, in which every digit counts: 2⁵³ and something small on top
-EXACT = 2.0**54
-# For what is used as a float: the last digit may be off, of numbers beyond 9·10¹⁵
-LARGE = 2.0**63
-# A whole number made of a float by int(), floor() …; larger floats are whole numbers themselves
-MADE = 2.0**53
+EXACT = 2.0**53  # beyond it not every whole number is a float
 
 
 class Unfit(Exception):
@@ -130,14 +125,10 @@ def of_numpy(*kinds: Number) -> bool | None:
     return True in flags or (None if None in flags else False)
 
 
-def growing(before: Any, after: Any, last: Any) -> Any:
-    """growing(kinds of a variable in three rounds of a loop) -> its kind in all rounds.
-
-    What grows by no more each time is a count, and no function is called that counts beyond 2³¹.
-    """
-    if not isinstance(last, Number) or last.bound is None or after == last:
-        return last
-    first, second = ((known.bound if (known := number(k)) else 0.0) or 0.0 for k in (before, after))
-    step = second - first
-    steady = last.bound - second <= step
-    return replace(last, bound=last.bound + step * 2.0**31 if steady else inf)
+def widest(kind: Any) -> Any:
+    """widest(kind) -> the kind with whole numbers of any size that they may have."""
+    if isinstance(kind, Items):
+        return Items(tuple(map(widest, kind.kinds)))
+    if isinstance(kind, Number) and kind.bound is not None:
+        return replace(kind, bound=max(kind.bound, EXACT))
+    return kind

@@ -279,21 +279,22 @@ def find_event(model, w, p, mode, n, t, h, entry):
     """
     count = watch_count(w, mode)
     top = w.i[PROXY]
+    at_node, node, y_try = w.at_node, w.node, w.y_try
     if entry == 0:  # the last step's end is this one's start
         for k in range(count):
-            w.at_node[0][k] = w.at_node[top][k]
+            at_node[0][k] = at_node[top][k]
     for j in range(entry ^ 1, top + 3):
-        evaluate(w, n, w.node[j], w.y_try)
-        watch(model, w, mode, n, t + w.node[j] * h, w.y_try, p, w.at_node[j])
+        evaluate(w, n, node[j], y_try)
+        watch(model, w, mode, n, t + node[j] * h, y_try, p, at_node[j])
     w.i[GUARDS] += top + 3
     tie = TICKS * EPS * max(abs(t), abs(t + h)) / h
     limit, best = 1.0, 2.0
     for k in range(count):
         slot = watched(w, mode, k) + 2
         begin = first_look(w, t, h, slot)
-        low, high = w.at_node[0][k], w.at_node[0][k]
+        low = high = at_node[0][k]
         for j in range(1, top + 1):
-            value = w.at_node[j][k]
+            value = at_node[j][k]
             if value < low:
                 low = value
             elif value > high:

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from .kinds import MADE, Const, Items, Number, Unfit, number
+from .kinds import EXACT, Const, Items, Number, Unfit, number
 
-__all__ = ["Piece", "as_float", "counted", "known", "literal", "short", "tuple_of"]
+__all__ = ["Piece", "as_float", "counted", "known", "literal", "loosened", "short", "tuple_of"]
 
 Piece = tuple[str, Any]  # source of an expression, and its kind
 
@@ -29,7 +29,7 @@ def literal(value: Any) -> str:
     if isinstance(value, bool | np.bool_):
         return str(bool(value))
     if isinstance(value, int | np.int64):
-        if abs(int(value)) <= MADE:
+        if abs(int(value)) <= EXACT:
             return str(int(value))
         try:
             value = float(value)
@@ -67,6 +67,17 @@ def tuple_of(pieces: Sequence[Piece]) -> Piece:
         for text, kind in pieces
     ]
     return f"({', '.join(texts)},)", Items(tuple(kind for _, kind in pieces))
+
+
+def loosened(piece: Piece) -> Piece:
+    """The piece of a known number, or of a tuple of such, as if it were not known."""
+    text, kind = piece
+    if isinstance(kind, Const) and isinstance(kind.value, tuple) and kind.value:
+        parts = [loosened(known(value)) for value in kind.value]
+        if all(isinstance(kind, Number | Items) for _, kind in parts):
+            kinds = tuple(kind for _, kind in parts)
+            return f"({', '.join(text for text, _ in parts)},)", Items(kinds)
+    return (as_float(piece), number(kind)) if number(kind) else piece
 
 
 def short(node: ast.AST) -> str:

@@ -133,7 +133,7 @@ class Settings:
             core.WIDTH: self.width,
             core.HELD: self.length - self.width,
             core.MODES: len(modes),
-            core.PARAMETERS: len(system.parameters),
+            core.PARAMETERS: len(system.parameters) + 1,  # behind them: see source.py
             core.SAMPLES: len(options.grid),
             core.KINKS: len(bends),
             core.SCHEDULES: len(self.plans),

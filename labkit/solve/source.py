@@ -39,6 +39,21 @@ FAILED = 1_000_000
 DEEPEST = 40  # helpers that call helpers
 
 
+# A whole number that a float may not hold: where it was stands behind the parameters then
+_CHECKS = """
+def exact(x, p, place):
+    if abs(x) < 9007199254740992.0:  # it may have been rounded to that
+        return x + 0.0
+    p[{place}] = place
+    raise ValueError
+def exact_if_whole(x, p, place):
+    if abs(x) >= 9007199254740992.0:
+        p[{place}] = place
+        raise ValueError
+    return x
+"""
+
+
 class Program:
     """Program(system): see above. Raises Unfit, in words, for what must run in plain Python."""
 
@@ -48,6 +63,7 @@ class Program:
         self.values: dict[str, Any] = {"inf": inf, "nan": nan}
         self.told: dict[str, str] = {}  # values in words, where _told does not tell enough
         self._names: dict[Any, str] = {}
+        self._places: dict[str, int] = {}  # words -> number, of where whole numbers are looked at
         self._helpers: dict[Any, tuple[str, Any, bool, str]] = {}  # name, kind, fails, source
         self._making: list[Any] = []
         self._branches: list[tuple[str, list[str]]] = []
@@ -197,6 +213,14 @@ class Program:
         lines = [f"def {prefix}({heads}):", *("    " + line for line in body.lines)]
         return prefix, kind, body.fails, "\n".join(lines)
 
+    def place(self, words: str) -> int:
+        """program.place("the flow … (line 2) has …") -> the number that stands for it: 1, …"""
+        return self._places.setdefault(words, len(self._places) + 1)
+
+    @property
+    def places(self) -> list[str]:
+        return [*self._places]
+
     def name(self, value: Any) -> str:
         """program.name(np.interp) -> the name under which the source calls it."""
         if value not in self._names:
@@ -234,6 +258,8 @@ class Program:
         for part in wanted:  # grows: helpers of helpers; what was only tried is left out
             names = [name for name in re.findall(r"\bh\w+(?=\()", part) if name in parts]
             wanted += [parts.pop(name) for name in dict.fromkeys(names)]
+        if self._places:
+            wanted.append(_CHECKS.format(place=len(self.system.parameters)))
         self.helpers = re.findall(r"^def (?!model)(\w+)", "\n".join(wanted), re.MULTILINE)
         whole = "\n".join([*reversed(wanted[1:]), text])
         used = set(re.findall(r"\w+", whole))

@@ -88,10 +88,13 @@ def explicit_step(model, w, p, mode, n, t, h):
     k, y, y_new, y_try, err = w.k, w.y, w.y_new, w.y_try, w.err
     a_from, a_column, a_value, c = w.a_from, w.a_column, w.a_value, w.c
     stages, unseen = w.i[STAGES], w.i[UNSEEN]
-    every = 0.0
+    every, sliding = 0.0, w.i[SLIDING] == 1
     for stage in range(1, stages):
         combine(n, a_from[stage], a_from[stage + 1], a_column, a_value, k, h, y, y_try)
-        rates(model, w, mode, n, t + c[stage] * h, y_try, p, k[stage])
+        if sliding:
+            rates(model, w, mode, n, t + c[stage] * h, y_try, p, k[stage])
+        else:
+            flow(model, mode, t + c[stage] * h, y_try, p, k[stage])
         if stage < unseen:
             for i in range(n):
                 every += k[stage][i]
@@ -113,17 +116,18 @@ def explicit_step(model, w, p, mode, n, t, h):
                 return 1e300
         return 0.0
     for part in range(1 + w.i[TWO]):
-        first, last = w.e_from[part], w.e_from[part + 1]
-        combine(n, first, last, w.e_column, w.e_value, k, 1.0, w.zero, err[part])
+        begin, end = w.e_from[part], w.e_from[part + 1]
+        combine(n, begin, end, w.e_column, w.e_value, k, 1.0, w.zero, err[part])
     asked = w.i[STEPS] & 3 == 0
     high, low, slopes, places = 0.0, 0.0, 0.0, 0.0
+    fine, coarse, last, before = err[0], err[1], k[stages], k[stages - 1]
     for i in range(n):
         scale = allowed(w, mode, i, max(abs(y[i]), abs(y_new[i])), h)
-        one, two = err[0][i] / scale, err[1][i] / scale
+        one, two = fine[i] / scale, coarse[i] / scale
         high += one * one
         low += two * two
         if asked:
-            one, two = k[stages][i] - k[stages - 1][i], y_new[i] - y_try[i]
+            one, two = last[i] - before[i], y_new[i] - y_try[i]
             slopes += (one / scale) * (one / scale)
             places += (two / scale) * (two / scale)
     w.f[LAMBDA] = h * sqrt(slopes / places) if 0.0 < places < 1e290 and slopes < 1e290 else 0.0
@@ -136,38 +140,23 @@ def explicit_step(model, w, p, mode, n, t, h):
 
 def interpolate(model, w, p, mode, n, t, h):
     """The step's polynomial into w.poly; DOP853 needs three more evaluations for it."""
-    k = w.k
+    k, y, y_try, zero, poly, term = w.k, w.y, w.y_try, w.zero, w.poly, w.term
+    a_from, a_column, a_value = w.a_from, w.a_column, w.a_value
     for stage in range(w.i[STAGES] + 1, w.i[ROWS]):
-        combine(n, w.a_from[stage], w.a_from[stage + 1], w.a_column, w.a_value, k, h, w.y, w.y_try)
-        rates(model, w, mode, n, t + w.c[stage] * h, w.y_try, p, k[stage])
+        combine(n, a_from[stage], a_from[stage + 1], a_column, a_value, k, h, y, y_try)
+        rates(model, w, mode, n, t + w.c[stage] * h, y_try, p, k[stage])
         w.i[FLOWS] += 1
     degree, powers = w.i[DEGREE], w.i[POWERS] == 1  # the terms are the powers of θ already
+    begin, column, value = w.w_from, w.w_column, w.w_value
     for d in range(degree):
-        combine(
-            n,
-            w.w_from[d],
-            w.w_from[d + 1],
-            w.w_column,
-            w.w_value,
-            k,
-            h,
-            w.zero,
-            w.poly[d + 1] if powers else w.term[d],
-        )
+        out = poly[d + 1] if powers else term[d]
+        combine(n, begin[d], begin[d + 1], column, value, k, h, zero, out)
     for i in range(n):
-        w.poly[0][i] = w.y[i]
-    for d in range(0 if powers else degree):
-        combine(
-            n,
-            w.q_from[d],
-            w.q_from[d + 1],
-            w.q_column,
-            w.q_value,
-            w.term,
-            1.0,
-            w.zero,
-            w.poly[d + 1],
-        )
+        poly[0][i] = y[i]
+    if not powers:
+        begin, column, value = w.q_from, w.q_column, w.q_value
+        for d in range(degree):
+            combine(n, begin[d], begin[d + 1], column, value, term, 1.0, zero, poly[d + 1])
 
 
 def evaluate(w, n, theta, out):

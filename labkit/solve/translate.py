@@ -27,8 +27,8 @@ import numpy as np
 
 from .arithmetic import BINARY
 from .calls import Calls
-from .kinds import FLOAT, MADE, Const, Number, Other, Record, Table, Unfit, growing, join, number
-from .pieces import Piece, counted, known, short, tuple_of
+from .kinds import FLOAT, Const, Items, Number, Other, Record, Table, Unfit, join, number, widest
+from .pieces import Piece, counted, known, loosened, short, tuple_of
 from .syntax import tree
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ class Body(Calls):
                 count = len(range(*(int(kind.value) for _, kind in pieces)))
             texts = [text if isinstance(k, Const) else f"int({text})" for text, k in pieces]
             over = f"range({', '.join(texts)})"
-            item = Number(False, min(MADE, max(k.bound for k in kinds)))
+            item = Number(False, max(k.bound for k in kinds))
         else:
             text, kind = self.visit(node.iter)
             over, table = self._table((text, kind)) or (text, kind)
@@ -231,6 +231,11 @@ class Body(Calls):
         if node.orelse:
             raise self.no(node, "has a loop with `else`, which is not compiled")
         around = self._breaks, self._continues
+        for name in _stored_in(node) & self.env.keys():
+            text, kind = loosened(known(getattr(self.env[name], "value", None)))
+            if isinstance(kind, Items):  # a known tuple, which no line has set
+                self.lines.append(f"{self.named(name)} = {text}")
+                self.env[name] = kind
         heads = [self.env]  # the kinds where its rounds begin
         followed = min(count, TURNS) if count and count < inf else 3
         while True:
@@ -241,12 +246,13 @@ class Body(Calls):
             first = head()
             lines, on = self._inside(node.body)
             ends = [*self._continues, *([self.env] if on else [])]
-            after = _joined([heads[0], *ends])
-            if after == heads[-1] or len(heads) == count or len(heads) > followed:
+            after = _joined([heads[-1], *ends])
+            if after == heads[-1] or len(heads) == count:
                 break
-            if len(heads) == followed:
-                a, b, c = [*heads, after][-3:]
-                after = {name: growing(a.get(name), b.get(name), k) for name, k in c.items()}
+            if len(heads) >= followed:
+                for name, kind in after.items():
+                    if kind != heads[-1].get(name):
+                        after[name] = widest(kind)
             heads.append(after)
         self.lines += [first, *lines]
         left = ends if count and count < inf else [] if count else heads[-1:]
