@@ -42,14 +42,16 @@ def append(model, w, p, t, mode, n, y):
 
 def keep_piece(w, t, h, mode, n):
     if w.i[DENSE] == 1:
-        piece, width = w.pieces[w.i[PIECES]], w.i[WIDTH]
+        piece, width, place = w.pieces[w.i[PIECES]], w.i[WIDTH], 4
         piece[0], piece[1], piece[2] = t, h, mode
         piece[3] = w.i[SLIDE_B] if w.i[SLIDING] == 1 else -1.0
         for d in range(w.i[DEGREE] + 1):
+            power = w.poly[d]
             for i in range(n):
-                piece[4 + d * width + i] = w.poly[d][i]
+                piece[place + i] = power[i]
+            place += width
         for i in range(w.i[HELD]):
-            piece[4 + (w.i[DEGREE] + 1) * width + i] = w.y[width + i]
+            piece[place + i] = w.y[width + i]
         w.i[PIECES] += 1
 
 
