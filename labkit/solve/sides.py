@@ -254,7 +254,11 @@ def leaving(model, w, p, mode, n, t, k, value, band):
         gone = w.g_look[k]
         if not isfinite(gone):
             break
-        if abs(gone) > CLEAR * band:
+        clear = abs(gone) > CLEAR * band
+        if clear and found == 0:  # it is known there only as well as the states are there
+            away = gauge(model, w, p, mode, n, t + e, w.y_look, k, gone, 0)
+            clear = abs(gone) > CLEAR * DOUBT * EPS * away
+        if clear:
             if found == 0:
                 found = 2 if gone > 0.0 else -2
                 w.f[GONE], w.f[GONE_T] = abs(gone), e
@@ -529,8 +533,8 @@ def sides(model, w, p, how, fired):
                     return CONTACT
         else:
             crossed = now != was and (now > 0 or not directed)
-            if w.wait[slot] == 1:
-                w.wait[slot] = 1 if now == was else 0  # else a jump has undone its crossing
+            if w.wait[slot] == 1:  # a jump may have undone its crossing, but not by going beyond
+                w.wait[slot] = 1 if now == was or now > 0 and directed else 0
             elif crossed and (urgent != NO or how == ARRIVE):
                 w.wait[slot] = 1
                 w.came[slot] = 1 if how == ARRIVE else 0

@@ -261,8 +261,9 @@ class Story:
             if self.degenerate(e) and not self.directed(e):
                 raise Unclear("a guard without direction that rests on its surface")
             self.side[e] = new
-            if e in self.pending:  # undone
-                self.pending.discard(e)
+            if e in self.pending:
+                if new < 0 or not self.directed(e):  # undone
+                    self.pending.discard(e)
             elif e in self.used:
                 if not self.directed(e) and e != fired:
                     raise Unclear("put back, or a crossing the other way?")
