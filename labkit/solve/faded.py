@@ -31,7 +31,7 @@ def faded(settings: Settings, pieces: np.ndarray, p: tuple) -> list[str]:
         kinds = settings.fixed["kind"][mode_of]
         alike = np.where(kinds == kinds[:, [k]], sizes, 0.0).max(axis=1)
         known = np.maximum.accumulate(alike)
-        floor = least * np.where(kinds[:, k] > 0, known, np.minimum(known, 1.0))
+        floor = least * known
         below = (sizes[:, k] < floor) & (settings.absolute[mode_of, k] < 0)
         edges = np.flatnonzero(np.diff(np.r_[False, below, False]))
         for begin, end in edges.reshape(-1, 2).tolist():

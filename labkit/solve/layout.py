@@ -119,13 +119,14 @@ def workspace(z):
         ("size", "i", (z.modes,)),
         ("family", "i", (z.modes,)),
         ("absolute", "f", (z.modes, z.width)),
-        ("kind", "i", (z.modes, z.width)),  # states of one unit are of one kind, 0 without a unit
+        ("kind", "i", (z.modes, z.width)),  # states of one unit are of one kind
         ("leave_from", "i", (z.modes + 1,)),
         ("leave", "i", (z.guards,)),
         ("source", "i", (z.transitions, z.modes)),
         ("target", "i", (z.transitions,)),
         ("zeno", "i", (z.transitions,)),
         ("directed", "i", (z.transitions,)),
+        ("acts", "i", (z.transitions,)),  # its reset may change a state
         ("urgent", "i", (z.transitions,)),
         ("rank", "i", (z.transitions,)),
         ("tolerance", "f", (z.transitions,)),
@@ -145,7 +146,7 @@ def workspace(z):
         ("poly", "f", (z.degree + 1, z.width)),
         ("kept", "f", (z.degree + 1, z.width)),
         ("most", "f", (z.width,)),  # the largest size of each state so far
-        ("size_of", "f", (z.units + 1,)),  # … and of each kind
+        ("size_of", "f", (z.kinds,)),  # … and of each kind
         ("moved", "f", (z.width,)),  # by the last step
         # a state has the rounding of this size: it came fast by the clock and stands still since,
         # or a reset made it of something large

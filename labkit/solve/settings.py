@@ -7,7 +7,7 @@ from types import FunctionType
 
 import numpy as np
 
-from ..model import At, Every
+from ..model import At, Every, Transition
 from . import core
 from .kinks import kinks
 from .methods import DEGREE, FIXED_STEP, explicit, proxy
@@ -78,14 +78,19 @@ class Settings:
                 row[place] = SCALE_FREE if given is None else given
         return found
 
+    def _acts(self, tr: Transition) -> bool:
+        """May the reset change a state, not held variables alone?"""
+        names = tr.reset if isinstance(tr.reset, Mapping) else self.system.units
+        return tr.reset is not None and not {*names} <= {*self.system.held}
+
     def _kinds(self) -> np.ndarray:
-        """(modes, width): states of one unit have one number, those without a unit 0."""
-        units = sorted({unit for unit in self.system.units.values() if unit})
+        """(modes, width): states of one unit have one number, each without a unit has its own."""
+        units = self.system.units
+        kinds = [*dict.fromkeys(unit or (name,) for name, unit in units.items())]
         found = np.zeros((len(self.modes), self.width), dtype=int)
         for row, mode in zip(found, self.modes, strict=True):
             for place, name in enumerate(self.system.states_of(mode)):
-                unit = self.system.units[name]
-                row[place] = units.index(unit) + 1 if unit else 0
+                row[place] = kinds.index(units[name] or (name,))
         return found
 
     def _kinks(self) -> np.ndarray:
@@ -174,6 +179,7 @@ class Settings:
             "target": [-1 if tr.target is None else self.place[tr.target] for tr in trs],
             "zeno": [-1 if tr.zeno is None else self.place[tr.zeno] for tr in trs],
             "directed": [tr.direction != 0 for tr in trs],
+            "acts": [self._acts(tr) for tr in trs],
             "urgent": [urgent[tr.urgent] for tr in trs],
             "rank": np.argsort(order),
             "tolerance": [tr.tolerance for tr in trs],
@@ -207,7 +213,7 @@ class Settings:
             "schedules": len(self.plans),
             "grid": len(options.grid),
             "kinks": len(bends),
-            "units": len(set(system.units.values())),
+            "kinds": 1 + int(fixed["kind"].max(initial=0)),
             **{name: len(fixed[f"{name}_value"]) for name in "aewq"},
         }
         kinds = {name: kind for name, kind, _ in core.FIELDS}

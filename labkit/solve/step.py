@@ -63,13 +63,12 @@ def allowed(w, mode, i, size, h):
 
     Without an `atol` of the user's the part that does not grow with the state is a hundredth of
     rtol times the largest size that a state of the same unit has had, or what the terms of its
-    derivative move it by in this step; so no unit matters. Numbers without a unit count as 1 at
-    most. Never less than the rounding of the derivative, by its terms and by the clock.
+    derivative move it by in this step; so no unit matters. A state without a unit is of its own
+    kind. Never less than the rounding of the derivative, by its terms and by the clock.
     """
     absolute = w.absolute[mode][i]
     if absolute < 0.0:
-        kind = w.kind[mode][i]
-        known = w.size_of[kind] if kind > 0 else min(w.size_of[kind], 1.0)
+        known = w.size_of[w.kind[mode][i]]
         moved = h * max(w.terms[mode][i], abs(w.k[0][i]))
         rough = 8.0 * EPS * moved + h * w.ticks[mode][i]
         absolute = 0.01 * w.f[RTOL] * (known + moved) + rough
