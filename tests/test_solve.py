@@ -1095,6 +1095,12 @@ def good(t, s, p):
             "the reset of .* returns 1 values",
         ),
         (
+            one_mode(lambda t, s, p: (s.v, (-p.k,))),
+            {},
+            r"the flow of .* returns \(-1.0,\) for 'v': it must be one number",
+        ),
+        (one_mode(good), {"locate": "no"}, "locate is True or False, not 'no'"),
+        (
             one_mode(good, transitions=[Transition("motion", "motion", at=Every("k"))]),
             {"k": 0.0},
             "a period must be positive",
