@@ -21,6 +21,13 @@ END, SLIDING = -1, -2  # in the place of a mode: the run ended; the modes slid
 SLIDES = " (sliding)"  # what the name of a transition then has behind it
 
 
+class Named(dict):
+    """Named({"x": 1.0}): a dict that says which names there are when asked for another."""
+
+    def __missing__(self, name: object) -> None:
+        check_names([name], self, "no value is called {}")
+
+
 @dataclass(frozen=True)
 class Event:
     """One line of the ledger: event.t, .transition, .source, .target, .before["v"], .after["v"].
@@ -113,8 +120,8 @@ class Events(Sequence):
                     names[who] + SLIDES * (SLIDING in row[3:5]),
                     source,
                     target,
-                    {name: before[place] for name, place in places[one]},
-                    {name: after[place] for name, place in places[other]},
+                    Named((name, before[place]) for name, place in places[one]),
+                    Named((name, after[place]) for name, place in places[other]),
                     who,
                 )
             )
@@ -164,7 +171,7 @@ class Events(Sequence):
 
 def _columns(system: System, modes: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
     """name -> its values in states (k, length), each of its own mode; NaN where there is none."""
-    found = {name: np.full(len(modes), np.nan) for name in system.units}
+    found = Named((name, np.full(len(modes), np.nan)) for name in system.units)
     for mode in system.modes:
         here = modes == mode
         for name, place in system.places(mode).items():

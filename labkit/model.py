@@ -67,6 +67,11 @@ def check_names(names: Iterable[str], known: Iterable[str], said: str) -> None:
         raise ModelError(f"{said.replace('{}', listed(lost), 1)}; there are {listed(known)}")
 
 
+def one_of(value: object, known: tuple) -> bool:
+    """one_of(direction, (-1, 0, 1)) -> whether it is one of these; an array is none."""
+    return not hasattr(value, "__len__") and value in known
+
+
 def number(value: object, what: str) -> float:
     """number(value, "parameter 'g'") -> float; ModelError when it is not a finite real number."""
     try:
@@ -498,6 +503,8 @@ class System:
                 f"…), not {tr!r}"
             )
         what = f"transition {tr.name!r}"
+        if not isinstance(tr.label or "", str):
+            raise ModelError(f"the label of {what} must be a text, not {tr.label!r}")
         if not tr.sources:
             raise ModelError(f"{what} has no source mode")
         ends = [end for end in (*tr.sources, tr.target, tr.zeno) if end is not None]
@@ -510,9 +517,9 @@ class System:
             _function(tr.guard, f"the guard of {what}")
         if tr.at is not None and not isinstance(tr.at, Schedule):
             raise ModelError(f"{what}: at= takes Every(period) or At(instant, …), not {tr.at!r}")
-        if tr.urgent not in (None, True, False):
+        if not one_of(tr.urgent, (None, True, False)):
             raise ModelError(f"urgent of {what} is True, False or None, not {tr.urgent!r}")
-        if tr.direction not in (-1, 0, 1):
+        if not one_of(tr.direction, (-1, 0, 1)):
             raise ModelError(
                 f"{what} has direction {tr.direction!r}: it is -1 (falling), +1 (rising) or 0 "
                 "(both)"

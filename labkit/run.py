@@ -22,8 +22,8 @@ import numpy as np
 
 from . import exports
 from .arguments import asked
-from .ledger import Event, Touch
-from .model import ModelError, Output, System, check_names
+from .ledger import Event, Named, Touch
+from .model import ModelError, System, check_names
 
 __all__ = ["Ended", "Event", "Run", "Samples", "Touch", "Work", "load_npz"]
 
@@ -97,7 +97,7 @@ class Samples(NamedTuple):
         for index, mode in enumerate(system.modes):
             here, place = np.flatnonzero(self.mode_index == index), system.places(mode).get(name)
             if output:
-                result[here] = self._output(system, p, output, mode, here)
+                result[here] = self._output(system, p, name, mode, here)
             elif place is not None and len(here) == len(result):
                 return self.values[:, place].copy()
             elif place is not None:
@@ -105,20 +105,28 @@ class Samples(NamedTuple):
         if output and self.other is not None:
             for index, mode in enumerate(system.modes):
                 here = np.flatnonzero(self.other == index)
-                theirs = self._output(system, p, output, mode, here)
+                theirs = self._output(system, p, name, mode, here)
                 result[here] += self.part[here] * (theirs - result[here])
         return result
 
     def _output(
-        self, system: System, p: tuple, output: Output, mode: str, here: np.ndarray
+        self, system: System, p: tuple, name: str, mode: str, here: np.ndarray
     ) -> np.ndarray:
         """An output of a mode at some of the samples; NaN when the mode has none."""
-        function, kind = output.of(mode), system.S[mode]
+        function, kind = system.outputs[name].of(mode), system.S[mode]
         if function is None:
             return np.full(len(here), np.nan)
         states = self.values[np.ix_(here, list(system.places(mode).values()))].tolist()
-        rows = zip(self.t[here].tolist(), states, strict=True)
-        return np.array([function(t, kind(*s), p) for t, s in rows])
+        rows = [(t, kind(*s), p) for t, s in zip(self.t[here].tolist(), states, strict=True)]
+        try:
+            found = np.array([function(*row) for row in rows])
+        except Exception:  # asked again below, for the words
+            found = np.array(None)
+        if found.ndim == 1 and found.dtype.kind in "fiub":
+            return found
+        from .solve.check import number_of  # it imports this file
+
+        return np.array([number_of(function, f"output {name!r}", *row) for row in rows])
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -184,7 +192,8 @@ class Run:
 
     def _state(self, row: int) -> dict[str, float]:
         values = self.values[row].tolist()
-        return {name: values[k] for name, k in self.system.places(self.mode[row]).items()}
+        places = self.system.places(self.mode[row])
+        return Named((name, values[k]) for name, k in places.items())
 
     @asked
     def __getitem__(self, name: str) -> np.ndarray:
@@ -229,7 +238,9 @@ class Run:
         found = {name: between.column(self.system, self.p, name) for name in names}
         found["mode"] = self._modes[between.mode_index]
         shape = np.shape(t)
-        return {n: each.reshape(shape) if shape else each.item() for n, each in found.items()}
+        return Named(
+            (name, each.reshape(shape) if shape else each.item()) for name, each in found.items()
+        )
 
     def _between(self, when: np.ndarray, side: str) -> Samples:
         """At times inside the run, from its pieces."""

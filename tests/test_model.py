@@ -279,6 +279,18 @@ REFUSED = {
         leaving(at=5.0),
         r"at= takes Every\(period\) or At\(instant, …\), not 5.0",
     ),
+    "direction of two": (
+        leaving(guard=guard, direction=np.array([1, -1])),
+        r"has direction array\(\[ 1, -1\]\): it is -1",
+    ),
+    "urgent of two": (
+        leaving(guard=guard, urgent=np.array([True, False])),
+        "urgent of transition 'a → b' is True, False or None, not array",
+    ),
+    "label is no text": (
+        leaving(guard=guard, label=3),
+        "the label of transition 3 must be a text, not 3",
+    ),
     "urgent without direction": (
         leaving(guard=guard, urgent=True),
         "is urgent, so it needs a direction: \\+1 fires while the guard is > 0",

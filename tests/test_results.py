@@ -335,6 +335,48 @@ def test_outputs_while_sliding_are_the_mixture():
     assert run.at(0.5)["F_"] == 2.5 and run.at(1.5)["x"] == 1.25
 
 
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda t, s, p: 1 / s.x, "output 'E' fails at t = 0, x = 0: .*zero.* return math.nan"),
+        (lambda t, s, p: math.log(s.x), "output 'E' fails at t = 0, x = 0: .*log|math domain"),
+        (lambda t, s, p: s.q, "output 'E' asks for an unknown name: .*'q'"),
+        (lambda t, s, p: None, r"output 'E' at t = 0, x = 0 returns None: it must be a number"),
+        (lambda t, s, p: (s.x, t), r"output 'E' at t = 0, x = 0 returns \(0.0, 0.0\): it must be"),
+        (lambda t, s, p: "high", "output 'E' at t = 0, x = 0 returns 'high': it must be a number"),
+        (lambda t, s, p: (-1 - s.x) ** 0.5, "output 'E' is a complex number at t = 0, x = 0"),
+    ],
+)
+def test_an_output_without_a_number_is_said(function, words):
+    system = only(lambda t, s, p: (1.0,), start=0.0).variant("o", outputs={"E": Output(function)})
+    run = simulate(system, 1.0, points=3)
+    for ask in (lambda: run["E"], lambda: run.at(0.0), run.columns):
+        with pytest.raises(ModelError, match=words):
+            ask()
+
+
+def test_outputs_of_other_kinds_are_numbers():
+    made = {
+        "above": Output(lambda t, s, p: s.x > 0.75),
+        "whole": Output(lambda t, s, p: 2),
+        "gap": Output(lambda t, s, p: np.array([s.x]) if s.x > 0.25 else math.nan),
+    }
+    run = simulate(
+        only(lambda t, s, p: (1.0,), start=0.0).variant("o", outputs=made), 1.0, points=3
+    )
+    assert run["above"].tolist() == [0, 0, 1] and run["whole"].tolist() == [2, 2, 2]
+    np.testing.assert_allclose(run["gap"], [np.nan, 0.5, 1.0])
+
+
+def test_a_name_that_is_not_there_is_said():
+    run = simulate(systems.ball(), 2.0, points=3)
+    hits = run.events["bounce"]
+    for found in (run.start, run.final, run.at(0.5), run.events[0].before, hits.before, hits.after):
+        with pytest.raises(ModelError, match="no value is called 'z'; there are 'y', 'v'"):
+            found["z"]
+        assert found.get("z") is None and "z" not in found
+
+
 # ---------------------------------------------------------------- many runs
 
 

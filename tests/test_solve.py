@@ -64,6 +64,18 @@ def test_scipy_methods_against_the_exact_solution(method):
     assert run.work.method == method and run.work.evaluations > 100
 
 
+@pytest.mark.parametrize("method", ["LSODA", "Radau", "BDF"])
+def test_scipy_methods_end_one_tick_after_an_event(method):
+    """0.1 + 0.1 + … passes 0.7 and 3 by one tick of the clock, where LSODA does not start."""
+    system = one_mode(
+        lambda t, s, p: (1.0, 0.0), transitions=[Transition("motion", "motion", at=Every(0.1))]
+    )
+    for end in (np.nextafter(0.7, 1), np.nextafter(3.0, 4)):
+        run = simulate(system, end, method=method)
+        assert run.stopped == "finished" and run.t[-1] == end and len(run.events) == round(10 * end)
+        assert run.final["x"] == pytest.approx(run.start["x"] + end, abs=1e-12)
+
+
 @pytest.mark.parametrize(("method", "order"), [("Euler", 1), ("Heun", 2), ("RK4", 4)])
 def test_order_of_the_fixed_step_methods(method, order):
     errors = [
@@ -1082,6 +1094,12 @@ def good(t, s, p):
             {},
             "the reset of .* returns 1 values",
         ),
+        (
+            one_mode(lambda t, s, p: (s.v, (-p.k,))),
+            {},
+            r"the flow of .* returns \(-1.0,\) for 'v': it must be one number",
+        ),
+        (one_mode(good), {"locate": "no"}, "locate is True or False, not 'no'"),
         (
             one_mode(good, transitions=[Transition("motion", "motion", at=Every("k"))]),
             {"k": 0.0},

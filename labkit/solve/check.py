@@ -61,7 +61,7 @@ def vector(values: object, what: str, names: tuple[str, ...], kind: str) -> obje
         raise ModelError(f"{what} returns a dict: {shape}, in this order and without names")
     if isinstance(values, str | bytes) or values is None:
         raise ModelError(f"{what} returns {values!r}: {shape}" + _missing(values))
-    if np.ndim(values) == 0 and not hasattr(values, "__iter__"):
+    if not hasattr(values, "__iter__") or isinstance(values, np.ndarray) and not values.ndim:
         raise ModelError(f"{what} returns {values!r}: {shape}; for one write `return (value,)`")
     values = tuple(values)
     if len(values) != len(names):
@@ -70,7 +70,7 @@ def vector(values: object, what: str, names: tuple[str, ...], kind: str) -> obje
             f"return the {kind} of {', '.join(names)}, in this order"
         )
     for name, value in zip(names, values, strict=True):
-        if np.ndim(value):
+        if isinstance(value, tuple | list | Mapping | Set) or np.ndim(value):
             raise ModelError(
                 f"{what} returns {value!r} for {name!r}: it must be one number, "
                 "and all of them stand in one tuple"
@@ -98,6 +98,22 @@ def _number(value: object, what: str, name: str = "") -> float | complex:
         pass
     of = f" for {name!r}" if name else ""
     raise ModelError(f"{what} returns {value!r}{of}: it must be a number{_missing(value)}")
+
+
+def number_of(function: Callable, what: str, t: float, s: tuple, p: tuple) -> float:
+    """number_of(function, "output 'E'", t, s, p) -> its value; ModelError when it has none."""
+    try:
+        value = function(t, s, p)
+    except Exception as error:
+        if words := mistake(error, what, t, s, p):
+            raise ModelError(words) from error
+        raise ModelError(
+            f"{what} fails at {at(t, s)}: {_said(error)}. Where it has no value let it return "
+            "math.nan: a gap in the curve"
+        ) from error
+    if isinstance(value, complex | np.complexfloating):
+        raise ModelError(f"{what} is a complex number at {at(t, s)}: {value}")
+    return _number(value, f"{what} at {at(t, s)}")
 
 
 # ---------------------------------------------------------------- words

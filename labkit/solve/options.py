@@ -18,6 +18,7 @@ from .methods import METHODS
 __all__ = ["Options"]
 
 BACKENDS = ("auto", "compiled", "plain")
+MOST = 2**62  # what the core can count to
 _OWN = ("system", "dense", "grid")  # of Options, not of `simulate`
 
 
@@ -71,6 +72,8 @@ class Options:
         self._put("t_end", t_end)
         self._put("rtol", max(rtol, 100 * EPS))
         self._put("atol", _absolute(self.atol, system))
+        if not isinstance(self.locate, bool | np.bool_):
+            raise ModelError(f"locate is True or False, not {self.locate!r}")
         self._put("locate", bool(self.locate))
         self._put("max_events", count(self.max_events, "max_events"))
         self._put("max_steps", count(self.max_steps, "max_steps"))
@@ -131,7 +134,7 @@ def count(value: object, what: str) -> int:
     """count(value, "max_events") -> a whole number of at least 1; else ModelError."""
     try:
         if not isinstance(value, bool | str) and int(value) == value and value >= 1:
-            return int(value)  # type: ignore[call-overload]
+            return min(int(value), MOST)  # type: ignore[call-overload]
     except (TypeError, ValueError, OverflowError):  # None, NaN, inf
         pass
     raise ModelError(f"{what} must be a whole number of at least 1, not {value!r}")
