@@ -182,17 +182,41 @@ def open_browser(*more: str) -> Iterator:
 
 
 def open_notebook(page, lab: Lab, name: str) -> None:
-    place = (
-        "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"
-    )  # labkit's Lab opens on the start page
-    page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
+    """Opens it by its address, or in the Lab that the page shows already, if nothing is open."""
+    if page.locator(".jp-LabShell").count() and not page.locator(".jp-NotebookPanel").count():
+        choose(page, "File", "Open from Path…")
+        page.locator(".jp-Dialog input").fill(f"notebooks/{name}.ipynb")
+        page.keyboard.press("Enter")
+    else:  # labkit's Lab opens on the start page
+        place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"
+        page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
     # The indicator at the top says idle before there is a kernel, and Lab then drops what it is
     # told to run; the bar at the bottom knows.
-    page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle").wait_for()
+    kernel(page).wait_for()
     tab = page.locator(".lm-TabBar-tab.jp-mod-current")
     assert tab.inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
     assert "jp-mod-dirty" not in tab.get_attribute("class"), "only opened, and marked as changed"
+
+
+def kernel(page):
+    """What the bar at the bottom says of a kernel that waits."""
+    return page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle")
+
+
+def close_notebook(page, lab: Lab) -> None:
+    """Closes what is open, unsaved, and ends its kernel; the page and its Lab stay."""
+    choose(page, "File", "Close All Tabs")
+    discard = page.get_by_role("button", name="Discard")
+    gone = page.locator(".jp-NotebookPanel")
+    assert until(lambda: not gone.count() or (discard.count() and discard.click()))
+    lab.end_kernels()
+    kernel(page).wait_for(state="hidden")
+
+
+def choose(page, menu: str, entry: str) -> None:
+    page.locator(".lm-MenuBar-item", has_text=menu).click()
+    page.get_by_text(entry, exact=True).click()
 
 
 def run_all(page) -> None:
@@ -201,8 +225,7 @@ def run_all(page) -> None:
     Numbers of an earlier run are cleared away before.
     """
     for menu, entry in (("Edit", "Clear Outputs of All Cells"), ("Run", "Run All Cells")):
-        page.locator(".lm-MenuBar-item", has_text=menu).click()
-        page.get_by_text(entry, exact=True).click()
+        choose(page, menu, entry)
     page.wait_for_function(
         """() => {
         const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')];
@@ -215,6 +238,7 @@ def run_all(page) -> None:
         });
     }""",
         timeout=180_000,
+        polling=200,  # ms; at every frame it would cost as much as the run
     )
     page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")
 
