@@ -375,7 +375,9 @@ def site(words: list[str]) -> Iterable[Path]:
 def test(options: list[str]) -> int:
     """pytest over tests/ and, by nbval, over all notebooks, in two workers.
 
-    Panels try the ends of their sliders.
+    Panels try the ends of their sliders. BLAS gets one thread unless a number is set: workers and
+    kernels use the processors already, and threads that wait for each other make a product of
+    small matrices ten times as long.
     """
     first = sorted((ROOT / "tests").glob("test_browser_*.py"), reverse=True)
     places = [*first, ROOT / "tests", ROOT / "notebooks"]
@@ -387,7 +389,8 @@ def test(options: list[str]) -> int:
     warm()
     how = ["--nbval-lax", "--nbval-current-env", "--dist", "loadfile", "--no-loadscope-reorder"]
     command = [sys.executable, "-m", "pytest", *how, *workers, *options, *map(str, places)]
-    return subprocess.run(command, cwd=ROOT, env=os.environ | {"LABKIT_CHECK": "1"}).returncode
+    environment = {"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"LABKIT_CHECK": "1"}
+    return subprocess.run(command, cwd=ROOT, env=environment).returncode
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import settings
 
 from .helpers import FOLDER, load
-from .lab import CELLS, HANDS, open_browser, running_lab
+from .lab import CELLS, HANDS, close_notebook, open_browser, opened_page, running_lab
 
 # Another worker may hold the processor while an example runs, so time is no sign of a fault; the
 # same examples every time.
@@ -43,15 +43,25 @@ def lab(tmp_path_factory):
 @pytest.fixture
 def page(browser, lab):
     """A page for one test, which leaves no kernel; page.problems: errors that nobody caught."""
-    page = browser.new_page(
-        viewport={"width": 1400, "height": 1000}
-    )  # room for a picture of 9 inches
-    page.set_default_timeout(90_000)
-    page.problems = []
-    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    page = opened_page(browser)
     yield page
     page.close()
     lab.end_kernels()
+
+
+@pytest.fixture(scope="module")
+def kept(browser):
+    page = opened_page(browser)
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def desk(kept, lab):
+    """A page whose Lab stays for the file's next test, for to begin it costs most; as page else."""
+    kept.problems.clear()
+    yield kept
+    close_notebook(kept, lab)
 
 
 @pytest.fixture(scope="module")

@@ -40,9 +40,10 @@ def code_cells(notebook: dict) -> list[dict]:
 
 
 @functools.cache
-def load(name: str) -> dict:
+def load(name: str, *wanted: str) -> dict:
     """load("part1/00_sample_stable_spiral") -> namespace after its code cells ran in this process;
-    do not change it.
+    load("part3/13_cork_in_water", "system", "horizon"): after those that it takes to have these.
+    Do not change it.
 
     Cells run as plain Python in the notebook's folder, without a kernel; panels are made but do not
     try their sliders.
@@ -54,6 +55,8 @@ def load(name: str) -> dict:
         with mock.patch.dict(os.environ, LABKIT_CHECK="0"):
             for number, cell in enumerate(code_cells(read(name)), 1):
                 run_cell(source(cell), f"<{name}, code cell {number}>", namespace)
+                if wanted and namespace.keys() >= set(wanted):
+                    break
     finally:
         os.chdir(before)
     return namespace

@@ -20,7 +20,7 @@ from pathlib import Path
 from labkit.__main__ import lab_command, lab_environment
 from labkit.browser import FLAGS, find_browser
 
-from .helpers import ROOT, source
+from .helpers import ROOT
 
 KERNEL = {
     "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
@@ -181,18 +181,51 @@ def open_browser(*more: str) -> Iterator:
         opened.close()
 
 
+def opened_page(browser):
+    """A page with room for a picture of 9 inches; page.problems: errors that nobody caught."""
+    page = browser.new_page(viewport={"width": 1400, "height": 1000})
+    page.set_default_timeout(90_000)
+    page.problems = []
+    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    return page
+
+
 def open_notebook(page, lab: Lab, name: str) -> None:
-    place = (
-        "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"
-    )  # labkit's Lab opens on the start page
-    page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
+    """Opens it by its address, or in the Lab that the page shows already, if nothing is open."""
+    if page.locator(".jp-LabShell").count() and not page.locator(".jp-NotebookPanel").count():
+        choose(page, "File", "Open from Path…")
+        page.locator(".jp-Dialog input").fill(f"notebooks/{name}.ipynb")
+        page.keyboard.press("Enter")
+    else:  # labkit's Lab opens on the start page
+        place = "" if name == "start" else f"lab/tree/notebooks/{name}.ipynb"
+        page.goto(f"{lab.address}/{place}?token={lab.token}&reset")
     page.locator(".jp-NotebookPanel .jp-Cell").first.wait_for()
     # The indicator at the top says idle before there is a kernel, and Lab then drops what it is
     # told to run; the bar at the bottom knows.
-    page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle").wait_for()
+    kernel(page).wait_for()
     tab = page.locator(".lm-TabBar-tab.jp-mod-current")
     assert tab.inner_text().strip() == f"{name.rpartition('/')[2]}.ipynb"
     assert "jp-mod-dirty" not in tab.get_attribute("class"), "only opened, and marked as changed"
+
+
+def kernel(page):
+    """What the bar at the bottom says of a kernel that waits."""
+    return page.locator("#jp-bottom-panel .jp-StatusBar-TextItem", has_text="| Idle")
+
+
+def close_notebook(page, lab: Lab) -> None:
+    """Closes what is open, unsaved, and ends its kernel; the page and its Lab stay."""
+    choose(page, "File", "Close All Tabs")
+    discard = page.get_by_role("button", name="Discard")
+    gone = page.locator(".jp-NotebookPanel")
+    assert until(lambda: not gone.count() or (discard.count() and discard.click()))
+    lab.end_kernels()
+    kernel(page).wait_for(state="hidden")
+
+
+def choose(page, menu: str, entry: str) -> None:
+    page.locator(".lm-MenuBar-item", has_text=menu).click()
+    page.get_by_text(entry, exact=True).click()
 
 
 def run_all(page) -> None:
@@ -201,8 +234,7 @@ def run_all(page) -> None:
     Numbers of an earlier run are cleared away before.
     """
     for menu, entry in (("Edit", "Clear Outputs of All Cells"), ("Run", "Run All Cells")):
-        page.locator(".lm-MenuBar-item", has_text=menu).click()
-        page.get_by_text(entry, exact=True).click()
+        choose(page, menu, entry)
     page.wait_for_function(
         """() => {
         const cells = [...document.querySelectorAll('.jp-Notebook .jp-CodeCell')];
@@ -215,6 +247,7 @@ def run_all(page) -> None:
         });
     }""",
         timeout=180_000,
+        polling=200,  # ms; at every frame it would cost as much as the run
     )
     page.locator(".jp-Notebook-ExecutionIndicator[data-status='idle']").wait_for(state="attached")
 
@@ -246,30 +279,18 @@ def failures(page):
     ]
 
 
-def panels(page, least=1):
-    """All panels, `least` or more, each once it has painted its first picture.
+def panels(page, number=1):
+    """All panels, `number` of them, each once it has painted its picture.
 
-    Lab makes widgets when their cells come near.
+    Lab makes widgets when it has nothing else to do or their cells come near.
     """
-    assert until(
-        lambda: (
-            walk(page)
-            or page.evaluate(
-                """least => {
-        const widgets = '.jp-Notebook .jp-OutputArea-output:not([data-mime-type])';
-        const views = [...document.querySelectorAll(widgets)];
-        const painted = (view) => view.querySelector('.labkit-panel canvas');
-        return !least || (views.length >= least && views.every(painted));
-    }""",
-                least,
-            )
-        ),
-        90,
-    )
+    painted = page.locator(".jp-Notebook .labkit-panel canvas")
+    assert until(lambda: painted.count() >= number or walk(page), 90)
     found = page.locator(".labkit-panel")
     for k in range(found.count()):
         found.nth(k).scroll_into_view_if_needed()
         pictures(page, found.nth(k), 1)
+        settled(page, found.nth(k))  # the first picture may be of another size
     return [found.nth(k) for k in range(found.count())]
 
 
@@ -358,7 +379,10 @@ def settled(page, panel):
 def opens_runs_and_slides(page, lab: Lab, name: str) -> None:
     """Opens a notebook, runs all its cells without an error, drags a slider of every panel."""
     open_notebook(page, lab, name)
-    if "image/png" in json.dumps(lab.saved(name)):
+    saved = json.dumps(lab.saved(name))
+    shown = saved.count('"panel of ')  # a saved notebook has these words beside the picture
+    assert bool(shown) == ("explore(" in saved)
+    if "image/png" in saved:
         assert until(
             lambda: page.locator(".jp-OutputArea img").count() > 0 or walk(page)
         )  # pictures are there before anything is run
@@ -367,14 +391,8 @@ def opens_runs_and_slides(page, lab: Lab, name: str) -> None:
         and "model not found" not in page.locator(".jp-Notebook").inner_text()
     )
     run_all(page)
-    made = panels(
-        page,
-        any(
-            "explore(" in source(cell)
-            for cell in lab.saved(name)["cells"]
-            if cell["cell_type"] == "code"
-        ),
-    )
+    made = panels(page, shown)
+    assert len(made) == shown
     assert failures(page) == []
     for panel in made:
         remember(panel)

@@ -41,9 +41,9 @@ SMALL = "small"  # a notebook of the tests, beside the real ones
 
 
 @pytest.mark.parametrize("name", [name for name in NOTEBOOKS if not name.startswith("part")])
-def test_it_opens_runs_and_slides(page, lab, name):
+def test_it_opens_runs_and_slides(desk, lab, name):
     """Those of the parts: test_browser_part1.py, …"""
-    opens_runs_and_slides(page, lab, name)
+    opens_runs_and_slides(desk, lab, name)
 
 
 # ---- the panel itself

@@ -7,5 +7,5 @@ from .lab import opens_runs_and_slides
 
 
 @pytest.mark.parametrize("name", [name for name in NOTEBOOKS if name.startswith("part3/")])
-def test_it_opens_runs_and_slides(page, lab, name):
-    opens_runs_and_slides(page, lab, name)
+def test_it_opens_runs_and_slides(desk, lab, name):
+    opens_runs_and_slides(desk, lab, name)

@@ -284,13 +284,17 @@ def test_test_runs_all_tests_and_notebooks_unless_told_which(monkeypatch, words,
             seen.append((command, env)) or subprocess.CompletedProcess(command, 3)
         ),
     )
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     assert main.main(["--here", "test", *words]) == 3
     ((command, environment),) = seen
     assert (
         set(wanted) <= set(command)
         and not set(unwanted) & set(command)
-        and environment["LABKIT_CHECK"] == "1"
+        and environment["LABKIT_CHECK"] == environment["OPENBLAS_NUM_THREADS"] == "1"
     )
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    assert main.main(["--here", "test", *words]) == 3
+    assert seen[-1][1]["OPENBLAS_NUM_THREADS"] == "3"
 
 
 def test_a_setup_error_is_one_sentence_and_exit_code_1(monkeypatch, capsys):

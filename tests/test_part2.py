@@ -30,7 +30,7 @@ def the_characteristic(names):
 
 @pytest.mark.parametrize("name", FIRST)
 def test_the_default_run_is_the_exact_solution(name):
-    names = load(name)
+    names = load(name, "system", "horizon")
     system, horizon = names["system"], names["horizon"]
     made = the_characteristic(names)
     p = system.values()._asdict()
@@ -61,7 +61,7 @@ def exact_case(made, p, t_end, case):
 @pytest.mark.parametrize("case", ["absent", "switched", "always"])
 @pytest.mark.parametrize("name", SECOND)
 def test_the_second_pendulums_default_runs_are_exact_in_the_three_cases(name, case):
-    names = load(name)
+    names = load(name, "system", "horizon", "cases")
     made, system, horizon = the_characteristic(names), names["system"], names["horizon"]
     chosen = names["cases"][case]
     p = chosen.values()._asdict()
