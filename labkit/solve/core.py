@@ -92,6 +92,21 @@ def retake(model, w, p, mode, n, t, h, theta, k, limit):
     return h, theta
 
 
+def speeds(w, n, k, theta, h):
+    """The rates at the end of a step into w.speed: the flow, or within a step (k >= 0) by its
+    polynomial.
+    """
+    degree = w.i[DEGREE]
+    for q in range(n):
+        if k < 0:
+            w.speed[q] = w.k[0][q]
+        else:
+            slope = 0.0
+            for d in range(degree, 0, -1):
+                slope = slope * theta + d * w.poly[d][q]
+            w.speed[q] = slope / h
+
+
 def refused(w, h, factor):
     """A step is not good enough: the next try is shorter."""
     w.i[REJECTED] += 1
@@ -160,6 +175,7 @@ def given_up(w):
 def no_further(model, w, p, status):
     """No step is short enough: an instant, where the flow ends on a surface; else why it ends."""
     if w.i[LOCATE] == 1 and at_edge(model, w, p) == 1:
+        speeds(w, w.size[w.i[MODE]], -1, 1.0, 1.0)
         return arrive(model, w, p)
     return status
 
@@ -264,7 +280,7 @@ def advance(model, w, p, budget):
                 if not snapped:
                     f[H] = min(f[H], factor * h)
         if i[LOCATE] == 1 and count > 0:
-            theta, k = find_event(model, w, p, mode, n, t, h, i[ENTRY])
+            theta, k = find_event(model, w, p, mode, n, t, h, i[ENTRY], snapped)
             if i[DENSE] == 1 and i[SLIDING] == 0 and theta >= 0.0:
                 note_touches(model, w, p, mode, n, t, h, min(theta, 1.0))
         if theta == -3.0:  # a guard does too much in it
@@ -293,8 +309,7 @@ def advance(model, w, p, budget):
             if wanted:
                 keep_piece(w, t, h, mode, n)
             for q in range(n):
-                w.moved[q] = w.y_new[q] - w.y[q]
-                if w.moved[q] != 0.0:
+                if w.y[q] != w.y_new[q]:
                     w.y[q], w.made[q] = w.y_new[q], 0.0
             if i[ADAPTIVE] == 0:
                 for q in range(n):
@@ -311,6 +326,7 @@ def advance(model, w, p, budget):
             for q in range(n):
                 w.k[0][q] = last[q]
         if k >= 0 or end >= limit - least or i[LOCATE] == 0:
+            speeds(w, n, k, theta, h)
             status = arrive(model, w, p)
             if status != PAUSE:
                 return status

@@ -285,7 +285,7 @@ def fire(model, w, p, q):
     for k in range(size):
         before, after = w.y[k], w.y_new[k]
         if not same:
-            w.y[k], w.most[k], w.moved[k], w.lost[k], w.made[k] = after, 0.0, 0.0, 0.0, 0.0
+            w.y[k], w.most[k], w.speed[k], w.lost[k], w.made[k] = after, 0.0, 0.0, 0.0, 0.0
         elif after != before:
             if abs(after - before) > 0.5 * w.most[k]:
                 w.most[k] = 0.0  # it has the size that it has now
@@ -331,11 +331,11 @@ def stands_still(model, w, p, n):
     """After an event: a state that came fast and stands still from here on is known as well as the
     clock was when it came, to some ticks.
     """
-    i, t, span = w.i, w.f[T], w.f[T] - w.f[BEFORE]
+    i, t = w.i, w.f[T]
     know_flow(model, w, p)
     for k in range(n):
-        if abs(w.moved[k]) > 1e4 * span * abs(w.k[0][k]) and span > 0.0:
-            size, clock = max(abs(w.y[k]), w.made[k]), 0.125 * abs(t * w.moved[k]) / span
+        if abs(w.speed[k]) > 1e4 * abs(w.k[0][k]):
+            size, clock = max(abs(w.y[k]), w.made[k]), 0.125 * abs(t * w.speed[k])
             if 0.0 < size < clock:
                 w.made[k], i[MADE] = clock, 1
     if i[MADE] == 1:

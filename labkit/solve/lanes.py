@@ -44,7 +44,7 @@ def begin(model, w, p, lane):
     for q in range(i[WIDTH] + i[HELD]):
         w.y[q], w.made[q] = w.y0[lane][q], 0.0
     for q in range(n):
-        w.most[q], w.moved[q], w.lost[q] = 0.0, 0.0, 0.0
+        w.most[q], w.speed[q], w.lost[q] = 0.0, 0.0, 0.0
     carry(w)
     sized(w, mode, n)
     record(model, w, p, f[T], mode, n, w.y)

@@ -147,7 +147,7 @@ def workspace(z):
         ("kept", "f", (z.degree + 1, z.width)),
         ("most", "f", (z.width,)),  # the largest size of each state so far
         ("size_of", "f", (z.kinds,)),  # … and of each kind
-        ("moved", "f", (z.width,)),  # by the last step
+        ("speed", "f", (z.width,)),  # the rates with which the flow came to this instant
         # a state has the rounding of this size: it came fast by the clock and stands still since,
         # or a reset made it of something large
         ("made", "f", (y,)),

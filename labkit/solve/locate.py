@@ -270,12 +270,13 @@ def first_look(w, t, h, slot):
     return (w.awake[slot] - t) / h
 
 
-def find_event(model, w, p, mode, n, t, h, entry):
+def find_event(model, w, p, mode, n, t, h, entry, due):
     """(θ, place of the guard) of the step's first event, 2 and −1 if there is none, −2 and −3 as
     above.
 
-    All guards that cross within rounding of the first are marked (w.came); θ is where the last of
-    them has crossed. Without an event the sides become those at the end of the step.
+    due: its end is an instant anyhow. All guards that cross within rounding of the first are marked
+    (w.came); θ is where the last of them has crossed. Without an event the sides become those at
+    the end of the step.
     """
     count = watch_count(w, mode)
     top = w.i[PROXY]
@@ -316,7 +317,7 @@ def find_event(model, w, p, mode, n, t, h, entry):
             if w.awake[slot] <= t + h and abs(w.at_node[top][k]) > 2.0 * w.slack[slot]:
                 w.flat[slot], w.slack[slot] = 0, 0.0
         return 2.0, -1
-    chosen, latest = -1, best
+    chosen, latest, at_end = -1, best, due
     for k in range(count):
         slot = watched(w, mode, k) + 2
         if w.root[k] <= limit:
@@ -324,22 +325,28 @@ def find_event(model, w, p, mode, n, t, h, entry):
                 chosen = k
             latest = max(latest, w.root[k])
             # What is due at the end is due now, if neither the clock nor the guard can tell it
-            # from its crossing
-            if 1.0 - latest <= 16.0 * tie:
+            # from its crossing; or none of the guards, where something is
+            near, at_end = 1.0 - latest <= 16.0 * tie, at_end and 1.0 - w.root[k] <= 1e-6
+            if near or at_end:
                 last = w.at_node[top][k]
                 own = doubt(model, w, p, mode, n, t + h, w.y_new, k, last)
-                if (1.0 - latest) * h * w.swing[slot] <= own and abs(last) <= own:
+                if near and (1.0 - latest) * h * w.swing[slot] <= own and abs(last) <= own:
                     latest = 1.0
+                if at_end:
+                    middle = guard_at(model, w, p, mode, n, t, h, 0.5 * (w.root[k] + 1.0), k)
+                    at_end = max(abs(last), abs(middle)) <= own
             w.came[slot] = 1
             w.side[slot] = w.turn[k]
         else:
+            if w.at_node[top][k] * w.side[slot] < 0.0:  # it crosses in between
+                at_end = False
             if w.quiet[k] == 1:  # was that before the event, or after it?
                 begin = first_look(w, t, h, slot)
                 if begin < best:
                     first_crossing(model, w, p, mode, n, t, h, k, begin, best)
                     w.side[slot] = w.turn[k]
             w.turn[k] = w.side[slot]
-    return latest, chosen
+    return 1.0 if at_end else latest, chosen
 
 
 def note_touches(model, w, p, mode, n, t, h, until):

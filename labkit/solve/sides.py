@@ -194,19 +194,14 @@ def slope_ahead(model, w, p, mode, n, t, k):
 
 
 def slope_behind(model, w, p, mode, n, t, k):
-    """|dg/dt| of the k-th guard with the rates of the last step."""
-    span = t - w.f[BEFORE]
-    if not span > 0.0:
-        return 0.0
-    for i in range(n):
-        w.ahead[1][i] = w.moved[i] / span
+    """|dg/dt| of the k-th guard with the rates by which the flow came."""
     e = nearby(w, t)
-    straight(model, w, p, mode, n, t, w.y, w.ahead[1], e, w.g_away)
+    straight(model, w, p, mode, n, t, w.y, w.speed, e, w.g_away)
     return abs(w.g_away[k]) / e
 
 
 def steepest(model, w, p, n, slot):
-    """A bound of a guard's |dg/dt|, here and in the last step, without asking it: its terms change
+    """A bound of a guard's |dg/dt|, from here on and before, without asking it: its terms change
     as fast as their states, sixteen times at most.
     """
     know_flow(model, w, p)
@@ -214,11 +209,8 @@ def steepest(model, w, p, n, slot):
     if then[w.i[WIDTH]] == 0.0:
         return 1e300
     fastest = 1.0 / then[w.i[WIDTH]]
-    span = w.f[T] - w.f[BEFORE]
     for i in range(n):
-        rate = abs(w.k[0][i])
-        if span > 0.0:
-            rate = max(rate, abs(w.moved[i]) / span)
+        rate = max(abs(w.k[0][i]), abs(w.speed[i]))
         if rate > fastest * then[i]:
             if then[i] == 0.0:
                 return 1e300
@@ -642,15 +634,21 @@ def opposed(model, w, p, mode, other, n, t, k, band, now):
     """
     flow(model, other, t, w.y, p, w.ahead[1])
     w.i[FLOWS] += 1
-    e = nearby(w, t)
+    far = drift(model, w, p, mode, n, t, w.y, k, nearby(w, t), 2.0 * band)
+    return 1 if far != 0.0 and (far > 0.0) != (now > 0) else 0
+
+
+def drift(model, w, p, mode, n, t, y, k, e, least):
+    """By how much a guard changes with the rates in w.ahead[1] in a time e; in a longer one if that
+    is not more than `least`; 0 if it cannot be told.
+    """
     while True:
-        straight(model, w, p, mode, n, t, w.y, w.ahead[1], e, w.g_away)
-        far = w.g_away[k]
-        if abs(far) > 2.0 * band:
-            return 1 if (far > 0.0) != (now > 0) else 0
+        straight(model, w, p, mode, n, t, y, w.ahead[1], e, w.g_away)
+        if abs(w.g_away[k]) > least:
+            return w.g_away[k]
         e *= 8.0
         if not e <= 0.1 * w.f[H]:
-            return 0
+            return 0.0
 
 
 def stopped(model, w, p, mode, n, t, k, slot, order):
@@ -679,13 +677,14 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     for i in range(n):
         w.y_shake[i] = line[5 + i]
     rates(model, w, mode, n, t, w.y_shake, p, w.ahead[1])
-    straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     w.i[FLOWS] += 1
+    if by_slope and w.leap[slot] < 1:
+        least = DOUBT * EPS * w.scale[slot]
+        return 1 if far * drift(model, w, p, mode, n, t, w.y_shake, k, e, least) < 0.0 else 0
+    straight(model, w, p, mode, n, t, w.y_shake, w.ahead[1], e, w.g_away)
     before = far * w.g_away[k]
     if w.leap[slot] == 1:
         return 0 if before > 0.0 and after > 0.0 else 1
-    if by_slope:
-        return 1 if before < 0.0 else 0
     if before > 0.0 and after > 0.1 * before:
         return 0
     for i in range(n):
