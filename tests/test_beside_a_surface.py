@@ -3,12 +3,13 @@ sliding, and modes that would send each other back at once. By exact answers.
 """
 
 import math
+import random
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from labkit import Mode, System, Transition, simulate
+from labkit import At, Mode, System, Transition, simulate
 
 WAYS = [
     *((m, b, r) for m in ("RK45", "DOP853") for b in ("plain", "compiled") for r in (1e-4, 1e-8)),
@@ -179,6 +180,154 @@ def test_a_body_lifts_off_once_by_its_third_derivative(method, backend, rtol):
     names, times = ledger(run)
     assert names == ["lift", "land"] * 4
     assert np.abs(times - right).max() < max(30 * rtol, 1e-8)
+
+
+# ---------------------------------------------------------------- along a surface, and slowly
+
+FALLS = [("RK4", 1e-8), ("RK45", 1e-8), ("DOP853", 1e-12)]
+falls = pytest.mark.parametrize(("method", "rtol"), FALLS)
+both = pytest.mark.parametrize("backend", ["plain", "compiled"])
+
+
+@both
+@falls
+@pytest.mark.parametrize("unit", [1.0, 1 / 3, 0.1])
+@pytest.mark.parametrize("urgent", [None, True])
+def test_balls_that_fall_together_stay_together(method, rtol, backend, unit, urgent):
+    """The distance that they keep is on a surface for ever, though both go far along it."""
+    fall = lambda t, s, p: (s.v, -2.0, s.w, -2.0 * p.b)  # noqa: E731
+    system = System(
+        "two balls", {"x": "", "v": "", "y": "", "w": ""}, {"b": unit},
+        [Mode("A", fall), Mode("B", fall)],
+        [
+            Transition("A", "B", at=At(1.0)),
+            Transition(
+                "B", "B", guard=lambda t, s, p: s.x - s.y / p.b + 1, direction=1, urgent=urgent
+            ),
+        ],
+        {"x": 1.5, "v": -2.1, "y": 2.5 * unit, "w": -2.1 * unit},
+    )  # fmt: skip
+    run = simulate(system, 4.0, method=method, rtol=rtol, step=1 / 16, backend=backend)
+    assert [e.index for e in run.events] == [0]
+
+
+@both
+@falls
+@pytest.mark.parametrize("counts", [False, True])
+def test_what_has_no_reset_takes_no_speed(method, rtol, backend, counts):
+    """On entering B its guard is zero and leaves by the second order: an event, and no rest."""
+    system = System(
+        "push", {"x": "", "v": ""}, {},
+        [Mode("A", lambda t, s, p: (s.v, 0.0)), Mode("B", lambda t, s, p: (s.v, 1.0))],
+        [
+            Transition("A", "B", at=At(1.0)),
+            Transition(
+                "B", "B", guard=lambda t, s, p: s.x, direction=1,
+                reset={"k": lambda t, s, p: s.k + 1} if counts else None,
+            ),
+        ],
+        {"x": 0.0, "v": 0.0}, held={"k": ("", 0.0)},
+    )  # fmt: skip
+    run = simulate(system, 3.0, method=method, rtol=rtol, step=1 / 16, backend=backend)
+    assert [(e.index, e.t) for e in run.events] == [(0, 1.0), (1, 1.0)]
+    assert run.final["x"] == pytest.approx(2.0, abs=1e-12)
+    assert run.final["k"] == counts
+
+
+@both
+@falls
+@pytest.mark.parametrize("t0", [0.0, 1e3, 1e5 / 3])
+def test_a_ball_at_its_apex_has_not_come_fast(method, rtol, backend, t0):
+    """The guard crosses there with slope c, and back c/1.5 s later, when it has risen by c²/6."""
+    for c in (1e-3, 1e-4, 1e-5):
+        system = System(
+            "apex", {"x": "", "v": ""}, {"c": c, "d": 1.5 + c + c * t0},
+            [Mode("A", lambda t, s, p: (s.v, -2.0))],
+            [Transition("A", "A", guard=lambda t, s, p: 1.5 * s.x + p.c * t - p.d, urgent=False)],
+            {"x": 0.0, "v": 2.0},
+        )  # fmt: skip
+        run = simulate(
+            system, t0 + 4, t0=t0, method=method, rtol=rtol, step=1 / 16, backend=backend
+        )
+        assert len(run.events) == 2, (c, [e.t - t0 for e in run.events])
+        assert run.events[1].t - t0 == pytest.approx(1 + c / 1.5, abs=1e-7)
+
+
+@both
+@falls
+@pytest.mark.parametrize("unit", [1.0, 9.81, 0.3, 1e-3])
+def test_what_goes_on_faster_the_same_way_does_not_rest(method, rtol, backend, unit):
+    """A guard falls by 6.7e-6 a second when the reset comes, and by 1.4 after it."""
+    system = System(
+        "slow, then fast", {"x": "", "v": "", "y": "", "w": ""}, {"u": unit},
+        [Mode("A", lambda t, s, p: (s.v, -0.5 * p.u, s.w, p.u))],
+        [
+            Transition(
+                "A", "A", direction=-1, urgent=False, reset={"v": lambda t, s, p: -s.v},
+                guard=lambda t, s, p: (
+                    (-s.x / 3 - s.y / 2 + s.w / 3) / p.u + 1.00001 / 3 * t - 0.677090833333333333
+                ),
+            )
+        ],
+        {"x": unit, "v": -unit, "y": 0.0, "w": 0.5 * unit},
+    )  # fmt: skip
+    run = simulate(system, 4.0, method=method, rtol=rtol, step=1 / 16, backend=backend)
+    assert run.stopped == "finished"
+    assert [e.t for e in run.events] == pytest.approx([2.25002], abs=1e-7)
+
+
+@falls
+@pytest.mark.parametrize("slope", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_a_slow_curved_guard_meets_a_clock(method, rtol, slope):
+    """Both are due at T, and the clock goes first; the guard is zero there to its rounding only."""
+    dice, tried = random.Random(f"{method} {slope}"), 0
+    for _ in range(40):
+        a, v, x = (round(dice.uniform(-3, 3), 2) for _ in range(3))
+        T, b = round(dice.uniform(0.5, 3), 2), dice.choice((-1, 1)) * round(dice.uniform(0.1, 1), 2)
+        c = slope - a - b * (v + a * T)
+        if 0 < 2 * slope < b * a * T:  # it is zero before T, too
+            continue
+        tried += 1
+        d = v + a * T + b * (x + v * T + a * T * T / 2) + c * T
+        fall = lambda t, s, p: (s.v, p.a)  # noqa: E731
+        system = System(
+            "slow", {"x": "", "v": ""}, {"a": a, "b": b, "c": c, "d": d, "T": T},
+            [Mode("A", fall), Mode("B", fall)],
+            [
+                Transition("A", "B", guard=lambda t, s, p: s.v + p.b * s.x + p.c * t - p.d),
+                Transition("A", "A", at=At("T"), priority=1),
+            ],
+            {"x": x, "v": v},
+        )  # fmt: skip
+        run = simulate(system, T, method=method, rtol=rtol, step=1 / 16, backend="plain")
+        assert [e.index for e in run.events if abs(e.t - T) < 1e-7] == [1, 0], (a, b, T, x, v)
+    assert tried > 4
+
+
+@pytest.mark.parametrize("units", [("", ""), ("m", "m/s")])
+@pytest.mark.parametrize("method", ["BDF", "LSODA", "Radau", "RK45"])
+def test_no_unit_matters_with_names_of_units_or_without(method, units):
+    """A ball of 1 m, 1 mm, 1 µm and 1 nm on clocks of its own: the same relative error."""
+    found = []
+    for length, time in ((1.0, 1.0), (1e-3, 1e-3), (1e-6, 1e-6), (1e-9, 1e-6)):
+        system = System(
+            "ball", dict(zip("yv", units, strict=True)), {"g": 9.81 * length / time**2},
+            [Mode("flight", lambda t, s, p: (s.v, -p.g))],
+            [
+                Transition(
+                    "flight", "flight", guard=lambda t, s, p: s.y, direction=-1,
+                    reset=lambda t, s, p: (0.0, -0.9 * s.v),
+                )
+            ],
+            {"y": 0.7 * length, "v": 0.0},
+        )  # fmt: skip
+        run = simulate(system, 3 * time, method=method, rtol=1e-5, backend="plain")
+        found.append([e.t / time for e in run.events])
+    first = math.sqrt(2 * 0.7 / 9.81)
+    right = [first * (1 + 2 * sum(0.9**k for k in range(1, n))) for n in range(1, 6)]
+    for times in found:
+        assert times[:5] == pytest.approx(right, rel=1e-3)
+        assert times == pytest.approx(found[0], rel=1e-5)
 
 
 # ---------------------------------------------------------------- many steps of fixed length
