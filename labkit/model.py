@@ -230,14 +230,18 @@ class Transition:
       the side changes: along the flow, or by a jump of the state at that very instant.
     - What crosses or is due at one instant goes by priority. The others wait, unless their mode is
       gone or a reset has undone their crossing. Each crossing counts once.
-    - On entering another mode a guard that is beyond fires at once (not with urgent=False). At the
-      start that is an error in words, unless `urgent` says what to do.
+    - On entering another mode a guard that is beyond fires at once (not with urgent=False; nor if
+      it would only lead back to where the flow has just left, is beyond by no more than the error
+      of the integration, and the flow takes it back). At the start that is an error in words,
+      unless `urgent` says what to do.
     - Without a direction, a change of mode that keeps the state crosses a guard that is zero there
       if the new flow turns it back. Two modes that send each other back so slide on their surface.
     - Schedules with an equal `at` (equal numbers, names, formulas of p) are one clock: only what
       leaves the mode in which it strikes fires. Different clocks each strike, in whatever mode the
       one before them has left behind. A dead time runs on, whatever its guard does, and is dropped
       if its mode is not the current one.
+    - Where the flow is not defined any more, like √h of a tank that runs dry, a guard whose zero is
+      there has crossed.
     - Flights of one guard too small to be told from rest have piled up: over to `zeno`, or the run
       ends and says so; so it is when a reset takes away the speed with which the guard came.
     - The end of a run is an instant like others, and what happens at it belongs to this run, not to
