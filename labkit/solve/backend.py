@@ -203,12 +203,12 @@ def _source(name: str) -> str:
 
 # Read when this module is: files that change under a running kernel (an update) must not meet the
 # functions it has.
-#: The core's files as one source: each takes from those before it.
+#: The core's files: each takes from those before it.
+PARTS = ["layout", "sliding", "step", "rounding", "leaving", "sides"]
+PARTS += ["locate", "instant", "core", "lanes"]
+#: … as one source.
 CORE = "\n".join(
-    line
-    for name in ("layout", "sliding", "step", "sides", "locate", "instant", "core", "lanes")
-    for line in _source(name).splitlines()
-    if not line.startswith("from .")
+    line for name in PARTS for line in _source(name).splitlines() if not line.startswith("from .")
 )
 #: What the compiled core depends on, and what compiled models do besides their text: how both are
 #: made.

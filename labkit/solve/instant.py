@@ -6,7 +6,9 @@ crossing is used once; `sides` says who waits.
 """
 
 from .layout import *
-from .sides import CLEAR, TICKS, know_flow, leaves, shaken, sides, straight
+from .leaving import shaken
+from .rounding import CLEAR, TICKS, know_flow, straight
+from .sides import leaves, sides
 from .sliding import back_to_surface, begin_sliding, guard_place, mixing, rates
 from .step import sized
 

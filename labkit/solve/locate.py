@@ -15,7 +15,8 @@ says where the rest begins. One that leaves zero only later is not looked at bef
 from math import isfinite
 
 from .layout import *
-from .sides import TICKS, doubt, shaken
+from .leaving import shaken
+from .rounding import TICKS, doubt
 from .sliding import watch, watch_count, watched
 from .step import evaluate
 
