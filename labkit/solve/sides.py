@@ -304,9 +304,9 @@ def stopped(model, w, p, mode, n, t, k, slot, order):
     taken its speed, and what carries it beyond is too early to be told from rest; or the flow it
     came by says that it did not come at all: then the method's error decides, not the flight.
     """
-    by_slope = order == 1 or order == -1
-    if w.acts[slot - 2] == 0:
+    if w.acts[slot - 2] == 0:  # what has no reset takes no speed
         return 0
+    by_slope = order == 1 or order == -1
     if w.came[slot] != 2 and not by_slope:  # not by the flow
         return 1
     line = w.ledger[w.i[LEDGER] - 1]
