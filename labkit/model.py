@@ -26,6 +26,7 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import signature
 from itertools import product
 from typing import Any
 
@@ -105,7 +106,8 @@ def named(given: Mapping, what: str, form: str = "{name: …}") -> dict:
 
 def _function(value: object, what: str, more: str = "") -> None:
     if not takes(value, 3):
-        raise ModelError(f"{what} must be a function of (t, s, p), not {value!r}{more}")
+        given = f"f{signature(value)}" if callable(value) else repr(value)  # one of C takes any
+        raise ModelError(f"{what} must be a function f(t, s, p), not {given}{more}")
 
 
 @dataclass(frozen=True)

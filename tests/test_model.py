@@ -192,7 +192,7 @@ REFUSED = {
     ),
     "flow is no function": (
         lambda: system(modes=[Mode("a", 3.0)]),
-        r"the flow of mode 'a' must be a function of \(t, s, p\), not 3.0",
+        r"the flow of mode 'a' must be a function f\(t, s, p\), not 3.0",
     ),
     "unknown start mode": (
         lambda: system(mode="c"),
@@ -253,23 +253,23 @@ REFUSED = {
     "guard and schedule": (leaving(guard=guard, at=At(1.0)), "needs either a guard"),
     "guard is no function": (
         leaving(guard=1.0),
-        r"the guard of transition 'a → b' must be a function of \(t, s, p\), not 1.0",
+        r"the guard of transition 'a → b' must be a function f\(t, s, p\), not 1.0",
     ),
     "guard takes two": (
         leaving(guard=lambda t, s: s.x),
-        r"the guard of transition 'a → b' must be a function of \(t, s, p\), not <function",
+        r"the guard of transition 'a → b' must be a function f\(t, s, p\), not f\(",
     ),
     "reset takes one": (
         leaving(guard=guard, reset=lambda s: s),
-        r"the reset of transition 'a → b' must be a function of \(t, s, p\), not <function",
+        r"the reset of transition 'a → b' must be a function f\(t, s, p\), not f\(",
     ),
     "a part of a reset takes one": (
         leaving(guard=guard, reset={"x": lambda s: 0.0}),
-        "the reset of transition 'a → b' for 'x' must be a function of",
+        "the reset of transition 'a → b' for 'x' must be a function f",
     ),
     "reset is no function": (
         leaving(guard=guard, reset=(0.0,)),
-        r"the reset of transition 'a → b' must be a function of \(t, s, p\), not \(0.0,\)",
+        r"the reset of transition 'a → b' must be a function f\(t, s, p\), not \(0.0,\)",
     ),
     "direction": (
         leaving(guard=guard, direction=2),
