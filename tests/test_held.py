@@ -162,7 +162,7 @@ def leaving(**options):
             ),
             "gives no value for 'i', which mode 'discharge' does not have",
         ),
-        (leaving(reset=3.0), "must be a function of .*, not 3.0; or a dict of what changes"),
+        (leaving(reset=3.0), "must be a function .*, not 3.0; or a dict of what changes"),
     ],
 )
 def test_refused(make, words):

@@ -185,11 +185,25 @@ def slope_ahead(model, w, p, mode, n, t, k):
     return w.g_ahead[k] / e
 
 
-def slope_behind(model, w, p, mode, n, t, k):
-    """|dg/dt| of the k-th guard with the rates by which the flow came."""
-    e = nearby(w, t)
-    straight(model, w, p, mode, n, t, w.y, w.speed, e, w.g_away)
-    return abs(w.g_away[k]) / e
+def slopes(model, w, p, mode, n, t, k):
+    """Σ|∂g/∂yᵢ·yᵢ'| of the k-th guard, by the larger of the rates here and those by which it came.
+
+    Each state is off by ticks of its own, from instants before, also where the guard does not
+    change along the flow.
+    """
+    total, e = 0.0, nearby(w, t)
+    for i in range(n):
+        w.y_shake[i] = w.y[i]
+    for i in range(n):
+        rate = max(abs(w.k[0][i]), abs(w.speed[i]))
+        if rate > 0.0:
+            w.y_shake[i] = w.y[i] + e * rate
+            watch(model, w, mode, n, t, w.y_shake, p, w.g_look)
+            w.i[GUARDS] += 1
+            w.y_shake[i] = w.y[i]
+            if isfinite(w.g_look[k]):
+                total += abs(w.g_look[k] - w.g[k]) / e
+    return total
 
 
 def steepest(model, w, p, n, slot):

@@ -54,13 +54,13 @@ def side_of(model, w, p, how, k, tick):
         # On the surface within the rounding of the clock: its crossing belongs to this instant
         # (a bound of its slope first: that costs little)
         steep = w.swing[slot]
-        if how == ENTERED or how == START or steep == 0.0:
+        if how != ARRIVE or steep == 0.0:
             steep = steepest(model, w, p, n, slot)
         reach = tick * steep
         if abs(value) <= reach:
             reach = tick * abs(slope_ahead(model, w, p, mode, n, t, k))
-            if abs(value) > reach and how != ARRIVE:  # the clock that it came by
-                reach = tick * slope_behind(model, w, p, mode, n, t, k)
+            if abs(value) > reach and (how == ENTERED or how == JUMPED_TO):
+                reach = tick * slopes(model, w, p, mode, n, t, k)
         if how == START and tick > 0.0:  # where its slope is zero, too
             know_flow(model, w, p)
             look(model, w, p, mode, n, t, tick, 2, w.g_look)
