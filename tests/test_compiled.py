@@ -215,6 +215,15 @@ def fits(flow):
     return True
 
 
+def compared(flows, points):
+    """(text, point, plain value, compiled value) of those flows that are compiled, everywhere."""
+    flows = {text: flow for text, flow in flows.items() if fits(flow)}
+    system = plane(flows.values()) if flows else None
+    for k, text in enumerate(flows):
+        for t, *y in points:
+            yield text, (t, *y), *both(system, k, t, y)
+
+
 def alike(a, b):
     return a == b or (a != a and b != b) or abs(a - b) <= 1e-13 * abs(b)
 
@@ -223,13 +232,8 @@ def alike(a, b):
 @given(st.lists(EXPRESSIONS, min_size=10, max_size=25))
 def test_random_expressions_are_pythons(texts):
     flows = {text: flow_of(text, "0.0", **TABLES, **helpers()) for text in texts}
-    flows = {text: flow for text, flow in flows.items() if fits(flow)}
-    if flows:
-        system = plane(flows.values())
-        for k, text in enumerate(flows):
-            for t, *y in POINTS:
-                plain, fast = both(system, k, t, y)
-                assert alike(plain[0], fast[0]), (text, t, y, plain[0], fast[0])
+    for text, place, plain, fast in compared(flows, POINTS):
+        assert alike(plain[0], fast[0]), (text, place, plain[0], fast[0])
 
 
 # ---------------------------------------------------------------- random loops and tuples
@@ -307,13 +311,8 @@ def test_random_functions_are_pythons(bodies):
     texts = [textwrap.indent("\n".join(body), "    ") for body in bodies]
     names = {"n": 10, "W": TABLES["W"], **functions()}
     flows = {text: written(f"def flow(t, s, p):\n{text}", **names)["flow"] for text in texts}
-    flows = {text: flow for text, flow in flows.items() if fits(flow)}
-    if flows:
-        system = plane(flows.values())
-        for k, text in enumerate(flows):
-            for t, *y in HARD:
-                plain, fast = both(system, k, t, y)
-                assert repr(plain) == repr(fast), f"{text}\n{t} {y}"
+    for text, place, plain, fast in compared(flows, HARD):
+        assert repr(plain) == repr(fast), f"{text}\n{place}"
 
 
 @functools.cache
