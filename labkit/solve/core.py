@@ -92,13 +92,13 @@ def retake(model, w, p, mode, n, t, h, theta, k, limit):
     return h, theta
 
 
-def speeds(w, n, k, theta, h):
-    """The rates at the end of a step into w.speed: the flow, or within a step (k >= 0) by its
-    polynomial.
+def speeds(w, n, theta, h):
+    """The rates at the end of a step, or at the event in it, into w.speed: the flow, where it is
+    known there, or by the step's polynomial.
     """
     degree = w.i[DEGREE]
     for q in range(n):
-        if k < 0:
+        if w.i[KNOWN] == 1:
             w.speed[q] = w.k[0][q]
         else:
             slope = 0.0
@@ -175,7 +175,7 @@ def given_up(w):
 def no_further(model, w, p, status):
     """No step is short enough: an instant, where the flow ends on a surface; else why it ends."""
     if w.i[LOCATE] == 1 and at_edge(model, w, p) == 1:
-        speeds(w, w.size[w.i[MODE]], -1, 1.0, 1.0)
+        speeds(w, w.size[w.i[MODE]], 1.0, 1.0)  # the flow is known: at_edge has asked for it
         return arrive(model, w, p)
     return status
 
@@ -224,20 +224,16 @@ def advance(model, w, p, budget):
         h = limit - t if snapped else (t + h) - t  # the length that the clock will show
         if i[ADAPTIVE] == 2:
             h = external_step(model, w, p, t, h)
-            if h <= 0.0:
-                status = no_further(model, w, p, UNDERFLOW)
-                if status != PAUSE:
-                    return status
-                continue
+        if h <= 0.0:
+            status = no_further(model, w, p, UNDERFLOW)
+            if status != PAUSE:
+                return status
+            continue
+        if i[ADAPTIVE] == 2:
             snapped = t + h >= limit - least
             f[H] = max(f[H], h) if snapped else h
             i[KNOWN] = 0
         else:
-            if h <= 0.0:
-                status = no_further(model, w, p, UNDERFLOW)
-                if status != PAUSE:
-                    return status
-                continue
             error = explicit_step(model, w, p, mode, n, t, h)
             order = i[ORDER]
             if not error < 1.0:  # also when it is NaN
@@ -326,7 +322,7 @@ def advance(model, w, p, budget):
             for q in range(n):
                 w.k[0][q] = last[q]
         if k >= 0 or end >= limit - least or i[LOCATE] == 0:
-            speeds(w, n, k, theta, h)
+            speeds(w, n, min(theta, 1.0), h)
             status = arrive(model, w, p)
             if status != PAUSE:
                 return status
